@@ -1,0 +1,63 @@
+//! Emits `shaders/common/gpu.glsl`, the GLSL mirror of the GPU records.
+
+use std::fmt::Write;
+
+use crate::gpu::{CONSTANTS, Field, records};
+
+/// The whole text of `shaders/common/gpu.glsl`.
+pub fn gpu_glsl() -> String {
+    let mut out = String::from(
+        "// Generated from cairn-format's records; `cargo run -p cairn-shaders --bin cairn-glsl` writes it anew.\n\
+         // Offsets hold in scalar layout, and GlobalUniform's in std140 too.\n\
+         #ifndef CAIRN_GPU_GLSL\n\
+         #define CAIRN_GPU_GLSL\n\n",
+    );
+    for (name, value) in CONSTANTS {
+        let _ = writeln!(out, "const uint {name} = 0x{value:x}u;");
+    }
+    for (name, size, fields) in records() {
+        let _ = writeln!(out, "\n// {size} bytes\nstruct {name} {{");
+        for field in fields {
+            let _ = writeln!(out, "    {};", member(field));
+        }
+        out.push_str("};\n");
+    }
+    out.push_str("\n#endif\n");
+    out
+}
+
+fn member(field: &Field) -> String {
+    match field.count {
+        0 => format!("{} {}", field.glsl, field.name),
+        count => format!("{} {}[{count}]", field.glsl, field.name),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_leave_no_gaps() {
+        for (name, size, fields) in records() {
+            let mut end = 0;
+            for field in fields {
+                assert_eq!(field.offset, end, "{name}.{} leaves a gap", field.name);
+                end = field.offset + glsl_bytes(field);
+            }
+            assert_eq!(end, size, "{name} ends early");
+        }
+    }
+
+    fn glsl_bytes(field: &Field) -> usize {
+        let one = match field.glsl {
+            "float" | "uint" => 4,
+            "uint64_t" | "vec2" => 8,
+            "vec3" => 12,
+            "vec4" => 16,
+            "mat4" => 64,
+            other => panic!("no size for {other}"),
+        };
+        one * field.count.max(1)
+    }
+}

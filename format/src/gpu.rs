@@ -1,0 +1,548 @@
+//! Every record that a GPU reads, declared once.
+//!
+//! Fields are plain `f32`, `u32` and `u64` arrays, so that `repr(C)`, GLSL `scalar` and (for [`GlobalUniform`])
+//! `std140` give the same offsets; padding is explicit and zero. The GLSL mirror is generated from these
+//! declarations by [`crate::glsl`].
+
+use bytemuck::{Pod, Zeroable};
+
+/// One field of a record, as GLSL sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Field {
+    /// Field name, the same in Rust and GLSL.
+    pub name: &'static str,
+    /// Byte offset.
+    pub offset: usize,
+    /// GLSL type, such as `vec4`.
+    pub glsl: &'static str,
+    /// Array length; 0 where the field is no array.
+    pub count: usize,
+}
+
+/// A record with a known layout.
+pub trait Record: Pod {
+    /// Type name, the same in Rust and GLSL.
+    const NAME: &'static str;
+    /// Every field in order, without gaps.
+    const FIELDS: &'static [Field];
+}
+
+/// A field type and its GLSL spelling.
+pub trait GlslType {
+    /// GLSL type name.
+    const NAME: &'static str;
+    /// Array length; 0 where the type is no array.
+    const COUNT: usize = 0;
+}
+
+macro_rules! glsl_types {
+    ($($rust:ty => $glsl:literal $([$count:literal])?),* $(,)?) => {
+        $(impl GlslType for $rust {
+            const NAME: &'static str = $glsl;
+            $(const COUNT: usize = $count;)?
+        })*
+    };
+}
+
+glsl_types! {
+    f32 => "float",
+    u32 => "uint",
+    u64 => "uint64_t",
+    [f32; 2] => "vec2",
+    [f32; 3] => "vec3",
+    [f32; 4] => "vec4",
+    [[f32; 4]; 3] => "vec4"[3],
+    [[f32; 4]; 4] => "mat4",
+    [[[f32; 4]; 4]; 4] => "mat4"[4],
+}
+
+/// Declares a `repr(C)` record, asserts its size and every offset at compile time, and lists its fields.
+macro_rules! gpu_record {
+    (
+        $(#[$meta:meta])*
+        pub struct $name:ident : $size:literal {
+            $($(#[$field_meta:meta])* pub $field:ident : $ty:ty = $offset:literal,)*
+        }
+    ) => {
+        $(#[$meta])*
+        #[repr(C)]
+        #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+        pub struct $name {
+            $($(#[$field_meta])* pub $field: $ty,)*
+        }
+
+        const _: () = {
+            assert!(std::mem::size_of::<$name>() == $size);
+            $(assert!(std::mem::offset_of!($name, $field) == $offset);)*
+        };
+
+        impl $crate::gpu::Record for $name {
+            const NAME: &'static str = stringify!($name);
+            const FIELDS: &'static [$crate::gpu::Field] = &[
+                $($crate::gpu::Field {
+                    name: stringify!($field),
+                    offset: $offset,
+                    glsl: <$ty as $crate::gpu::GlslType>::NAME,
+                    count: <$ty as $crate::gpu::GlslType>::COUNT,
+                },)*
+            ];
+        }
+    };
+}
+pub(crate) use gpu_record;
+
+gpu_record! {
+    /// Per-frame constants: set 0, binding 0, std140.
+    pub struct GlobalUniform: 928 {
+        /// World to view.
+        pub view: [[f32; 4]; 4] = 0,
+        /// View to clip, reverse-Z, infinite far plane.
+        pub projection: [[f32; 4]; 4] = 64,
+        /// World to clip.
+        pub view_projection: [[f32; 4]; 4] = 128,
+        /// Clip to world.
+        pub inv_view_projection: [[f32; 4]; 4] = 192,
+        /// xyz world position of the camera, w linear exposure `2^EV`.
+        pub camera_position_and_exposure: [f32; 4] = 256,
+        /// Render size in pixels.
+        pub screen_size: [f32; 2] = 272,
+        /// Seconds since start; 0 in headless runs.
+        pub time: f32 = 280,
+        /// Records in the directional light buffer.
+        pub directional_light_count: u32 = 284,
+        /// Multiplier of image-based light.
+        pub ibl_intensity: f32 = 288,
+        /// Cubemap slot storing E/pi; [`NO_TEXTURE`] when absent.
+        pub irradiance_cubemap_index: u32 = 292,
+        /// Cubemap slot of the GGX-prefiltered chain.
+        pub prefiltered_cubemap_index: u32 = 296,
+        /// 2D slot of the BRDF table.
+        pub brdf_lut_index: u32 = 300,
+        /// Levels of the prefiltered chain; level = roughness * (count - 1).
+        pub prefiltered_mip_count: u32 = 304,
+        /// Cubemap slot of the sky.
+        pub skybox_cubemap_index: u32 = 308,
+        /// Sine of the environment's yaw.
+        pub ibl_rotation_sin: f32 = 312,
+        /// Cosine of the environment's yaw.
+        pub ibl_rotation_cos: f32 = 316,
+        /// Debug view; 0 is the full image.
+        pub debug_render_mode: u32 = 320,
+        /// Bits of the `FEATURE_*` constants.
+        pub feature_flags: u32 = 324,
+        /// Active cascades; 0 without shadows.
+        pub shadow_cascade_count: u32 = 328,
+        /// Normal offset in shadow texels.
+        pub shadow_normal_offset: f32 = 332,
+        /// 1 / shadow map resolution.
+        pub shadow_texel_size: f32 = 336,
+        /// Metres.
+        pub shadow_max_distance: f32 = 340,
+        /// Fraction of a split distance over which cascades blend.
+        pub shadow_blend_width: f32 = 344,
+        /// PCF radius in texels, 0..=5.
+        pub shadow_pcf_radius: u32 = 348,
+        /// World to light clip.
+        pub cascade_view_proj: [[[f32; 4]; 4]; 4] = 352,
+        /// Far boundary of each cascade, metres of view depth.
+        pub cascade_splits: [f32; 4] = 608,
+        /// Fraction of the distance over which shadows fade.
+        pub shadow_distance_fade_width: f32 = 624,
+        /// Zero.
+        pub pad_628: u32 = 628,
+        /// Zero.
+        pub pad_632: u32 = 632,
+        /// Zero.
+        pub pad_636: u32 = 636,
+        /// Metres per shadow texel of each cascade.
+        pub cascade_texel_world_size: [f32; 4] = 640,
+        /// 0 PCF, 1 PCSS.
+        pub shadow_mode: u32 = 656,
+        /// Bit 0: all-blockers early-out.
+        pub pcss_flags: u32 = 660,
+        /// Blocker search taps.
+        pub pcss_blocker_samples: u32 = 664,
+        /// Filter taps.
+        pub pcss_pcf_samples: u32 = 668,
+        /// Light size in shadow UV of each cascade.
+        pub cascade_light_size_uv: [f32; 4] = 672,
+        /// NDC depth difference to penumbra UV of each cascade.
+        pub cascade_pcss_scale: [f32; 4] = 688,
+        /// Width over height of each cascade.
+        pub cascade_uv_scale_y: [f32; 4] = 704,
+        /// Clip to view.
+        pub inv_projection: [[f32; 4]; 4] = 720,
+        /// World to clip of the previous frame.
+        pub prev_view_projection: [[f32; 4]; 4] = 784,
+        /// Frames since start.
+        pub frame_index: u32 = 848,
+        /// Specular occlusion: 0 Lagarde, 1 GTSO.
+        pub ao_so_mode: u32 = 852,
+        /// Zero.
+        pub pad_856: u32 = 856,
+        /// Zero.
+        pub pad_860: u32 = 860,
+        /// View to world.
+        pub inv_view: [[f32; 4]; 4] = 864,
+    }
+}
+
+gpu_record! {
+    /// Set 0, binding 1.
+    pub struct DirectionalLight: 32 {
+        /// xyz direction of travel (light to scene, unit), w intensity in lux.
+        pub direction_and_intensity: [f32; 4] = 0,
+        /// xyz linear colour, w 1 where the light casts shadows, else 0.
+        pub color_and_shadow: [f32; 4] = 16,
+    }
+}
+
+gpu_record! {
+    /// Set 0, binding 2. A texture reference is a 2D slot in the low 31 bits; bit 31 ([`TEXTURE_UV1`]) selects
+    /// the second texture coordinates; [`NO_TEXTURE`] is "no texture": the factor alone counts.
+    pub struct Material: 80 {
+        /// Linear RGBA.
+        pub base_color_factor: [f32; 4] = 0,
+        /// Linear RGB with the emissive strength folded in; w is zero.
+        pub emissive_factor: [f32; 4] = 16,
+        /// 0..=1.
+        pub metallic_factor: f32 = 32,
+        /// Perceptual, 0..=1.
+        pub roughness_factor: f32 = 36,
+        /// Scales the x and y of the normal map.
+        pub normal_scale: f32 = 40,
+        /// 0..=1.
+        pub occlusion_strength: f32 = 44,
+        /// Texture reference, sRGB colour and linear alpha.
+        pub base_color_tex: u32 = 48,
+        /// Texture reference, sRGB colour.
+        pub emissive_tex: u32 = 52,
+        /// Texture reference, G roughness and B metallic.
+        pub metallic_roughness_tex: u32 = 56,
+        /// Texture reference, x and y; z is rebuilt.
+        pub normal_tex: u32 = 60,
+        /// Texture reference, R.
+        pub occlusion_tex: u32 = 64,
+        /// Alpha below this is cut in mode 1.
+        pub alpha_cutoff: f32 = 68,
+        /// 0 opaque, 1 mask, 2 blend.
+        pub alpha_mode: u32 = 72,
+        /// Bits of the `MATERIAL_*` constants; a double-sided lit material holds 1.
+        pub double_sided: u32 = 76,
+    }
+}
+
+gpu_record! {
+    /// One drawn primitive of one node: set 0, binding 3.
+    pub struct Instance: 128 {
+        /// Object to world.
+        pub model: [[f32; 4]; 4] = 0,
+        /// Columns of the normal matrix: cofactors of the model matrix's 3x3 times the sign of its
+        /// determinant, scaled to a largest element of 1; w is zero.
+        pub normal_matrix: [[f32; 4]; 3] = 64,
+        /// Index into the material records.
+        pub material_index: u32 = 112,
+        /// Zero.
+        pub pad_116: u32 = 116,
+        /// Zero.
+        pub pad_120: u32 = 120,
+        /// Zero.
+        pub pad_124: u32 = 124,
+    }
+}
+
+gpu_record! {
+    /// One geometry of a bottom-level acceleration structure: set 0, binding 5.
+    pub struct GeometryInfo: 24 {
+        /// Device address of the geometry's first [`crate::Vertex`].
+        pub vertex_buffer_address: u64 = 0,
+        /// Device address of the geometry's first u32 index.
+        pub index_buffer_address: u64 = 8,
+        /// Index into the material records.
+        pub material_buffer_offset: u32 = 16,
+        /// Zero.
+        pub pad_20: u32 = 20,
+    }
+}
+
+gpu_record! {
+    /// One texel of the environment's importance table: set 0, binding 6, behind the header.
+    pub struct EnvAliasEntry: 12 {
+        /// Probability of keeping this entry.
+        pub prob: f32 = 0,
+        /// Entry taken otherwise.
+        pub alias_index: u32 = 4,
+        /// Rec. 709 luminance, without the solid-angle weight.
+        pub luminance: f32 = 8,
+    }
+}
+
+gpu_record! {
+    /// Head of the environment's importance table.
+    pub struct EnvAliasHeader: 16 {
+        /// Sum of luminance times solid-angle weight.
+        pub total_luminance: f32 = 0,
+        /// `width * height`.
+        pub entry_count: u32 = 4,
+        /// Columns of the table.
+        pub width: u32 = 8,
+        /// Rows of the table.
+        pub height: u32 = 12,
+    }
+}
+
+gpu_record! {
+    /// One emissive triangle in world space: set 0, binding 7.
+    pub struct EmissiveTriangle: 96 {
+        /// First corner.
+        pub v0: [f32; 3] = 0,
+        /// Zero.
+        pub pad_12: u32 = 12,
+        /// Second corner.
+        pub v1: [f32; 3] = 16,
+        /// Zero.
+        pub pad_28: u32 = 28,
+        /// Third corner.
+        pub v2: [f32; 3] = 32,
+        /// Zero.
+        pub pad_44: u32 = 44,
+        /// Linear RGB factor.
+        pub emission: [f32; 3] = 48,
+        /// Square metres.
+        pub area: f32 = 60,
+        /// Index into the material records.
+        pub material_index: u32 = 64,
+        /// Zero.
+        pub pad_68: u32 = 68,
+        /// Texture coordinates of the first corner.
+        pub uv0: [f32; 2] = 72,
+        /// Texture coordinates of the second corner.
+        pub uv1: [f32; 2] = 80,
+        /// Texture coordinates of the third corner.
+        pub uv2: [f32; 2] = 88,
+    }
+}
+
+gpu_record! {
+    /// One entry of the emissive triangles' alias table: set 0, binding 8, behind the header.
+    pub struct EmissiveAliasEntry: 8 {
+        /// Probability of keeping this entry.
+        pub prob: f32 = 0,
+        /// Entry taken otherwise.
+        pub alias_index: u32 = 4,
+    }
+}
+
+gpu_record! {
+    /// Head of the emissive triangles' alias table.
+    pub struct EmissiveAliasHeader: 8 {
+        /// Triangles.
+        pub count: u32 = 0,
+        /// Sum of the triangles' power.
+        pub total_power: f32 = 4,
+    }
+}
+
+gpu_record! {
+    /// Push constants of the shadow pass.
+    pub struct ShadowPush: 4 {
+        /// Cascade drawn.
+        pub cascade_index: u32 = 0,
+    }
+}
+
+gpu_record! {
+    /// Push constants of GTAO.
+    pub struct GtaoPush: 24 {
+        /// Metres.
+        pub radius: f32 = 0,
+        /// Slices per pixel.
+        pub directions: u32 = 4,
+        /// Steps per side of a slice.
+        pub steps_per_dir: u32 = 8,
+        /// Thin occluder compensation.
+        pub thin_compensation: f32 = 12,
+        /// Exponent of the visibility.
+        pub intensity: f32 = 16,
+        /// Frames since start.
+        pub frame_index: u32 = 20,
+    }
+}
+
+gpu_record! {
+    /// Push constants of the temporal AO filter.
+    pub struct AoTemporalPush: 4 {
+        /// Weight of the history; 0 where it is invalid.
+        pub temporal_blend: f32 = 0,
+    }
+}
+
+gpu_record! {
+    /// Push constants of contact shadows.
+    pub struct ContactPush: 12 {
+        /// Steps per ray.
+        pub step_count: u32 = 0,
+        /// Metres.
+        pub max_distance: f32 = 4,
+        /// Metres.
+        pub base_thickness: f32 = 8,
+    }
+}
+
+gpu_record! {
+    /// Push constants of the path tracer.
+    pub struct PathTracePush: 36 {
+        /// Longest path.
+        pub max_bounces: u32 = 0,
+        /// Samples accumulated so far.
+        pub sample_count: u32 = 4,
+        /// Seed of the run.
+        pub frame_seed: u32 = 8,
+        /// 2D slot of the blue-noise texture.
+        pub blue_noise_index: u32 = 12,
+        /// Firefly clamp; 0 is off.
+        pub max_clamp: f32 = 16,
+        /// 1 samples the environment's table.
+        pub env_sampling: u32 = 20,
+        /// 1 samples directional lights.
+        pub directional_lights: u32 = 24,
+        /// Emissive triangles.
+        pub emissive_light_count: u32 = 28,
+        /// Highest texture level read.
+        pub lod_max_level: u32 = 32,
+    }
+}
+
+gpu_record! {
+    /// One indexed draw of the static scene; instances of a group are contiguous.
+    pub struct DrawGroup: 32 {
+        /// First index in the index arena.
+        pub first_index: u32 = 0,
+        /// Indices, a multiple of three.
+        pub index_count: u32 = 4,
+        /// Added to every index.
+        pub vertex_offset: u32 = 8,
+        /// First record in the instance section.
+        pub first_instance: u32 = 12,
+        /// Instances.
+        pub instance_count: u32 = 16,
+        /// Index into the root's primitives.
+        pub primitive: u32 = 20,
+        /// 0 opaque, 1 mask, 2 blend.
+        pub alpha_mode: u32 = 24,
+        /// Bits of the `DRAW_*` constants.
+        pub flags: u32 = 28,
+    }
+}
+
+gpu_record! {
+    /// One top-level instance: a node that carries a mesh (one bottom-level structure per mesh).
+    pub struct MeshInstance: 64 {
+        /// Rows of the object-to-world matrix, as `VkTransformMatrixKHR`.
+        pub transform: [[f32; 4]; 3] = 0,
+        /// Index into the root's meshes.
+        pub mesh: u32 = 48,
+        /// First geometry of the mesh in the geometry table: `gl_InstanceCustomIndexEXT`.
+        pub first_geometry: u32 = 52,
+        /// Bits of the `DRAW_*` constants.
+        pub flags: u32 = 56,
+        /// Zero.
+        pub pad_60: u32 = 60,
+    }
+}
+
+/// A texture reference that names no texture.
+pub const NO_TEXTURE: u32 = u32::MAX;
+/// Bit of a texture reference: sample with the second texture coordinates.
+pub const TEXTURE_UV1: u32 = 1 << 31;
+/// Bit of [`Material::double_sided`]: no back-face culling.
+pub const MATERIAL_DOUBLE_SIDED: u32 = 1;
+/// Bit of [`Material::double_sided`]: base colour is emitted as it is, without light.
+pub const MATERIAL_UNLIT: u32 = 2;
+/// `alpha_mode` of opaque materials.
+pub const ALPHA_OPAQUE: u32 = 0;
+/// `alpha_mode` of materials cut at a threshold.
+pub const ALPHA_MASK: u32 = 1;
+/// `alpha_mode` of blended materials.
+pub const ALPHA_BLEND: u32 = 2;
+/// Bit of draw flags: no back-face culling.
+pub const DRAW_DOUBLE_SIDED: u32 = 1;
+/// Bit of draw flags: negative determinant, front faces are clockwise.
+pub const DRAW_MIRRORED: u32 = 2;
+/// Bit of [`GlobalUniform::feature_flags`]: shadow maps are valid.
+pub const FEATURE_SHADOWS: u32 = 1;
+/// Bit of [`GlobalUniform::feature_flags`]: ambient occlusion is valid.
+pub const FEATURE_AO: u32 = 2;
+/// Bit of [`GlobalUniform::feature_flags`]: the contact shadow mask is valid.
+pub const FEATURE_CONTACT_SHADOWS: u32 = 4;
+
+/// Name and value of every constant that shaders share.
+pub const CONSTANTS: &[(&str, u32)] = &[
+    ("NO_TEXTURE", NO_TEXTURE),
+    ("TEXTURE_UV1", TEXTURE_UV1),
+    ("MATERIAL_DOUBLE_SIDED", MATERIAL_DOUBLE_SIDED),
+    ("MATERIAL_UNLIT", MATERIAL_UNLIT),
+    ("ALPHA_OPAQUE", ALPHA_OPAQUE),
+    ("ALPHA_MASK", ALPHA_MASK),
+    ("ALPHA_BLEND", ALPHA_BLEND),
+    ("DRAW_DOUBLE_SIDED", DRAW_DOUBLE_SIDED),
+    ("DRAW_MIRRORED", DRAW_MIRRORED),
+    ("FEATURE_SHADOWS", FEATURE_SHADOWS),
+    ("FEATURE_AO", FEATURE_AO),
+    ("FEATURE_CONTACT_SHADOWS", FEATURE_CONTACT_SHADOWS),
+];
+
+/// Name, size and fields of every record, in declaration order.
+pub fn records() -> Vec<(&'static str, usize, &'static [Field])> {
+    fn row<T: Record>() -> (&'static str, usize, &'static [Field]) {
+        (T::NAME, size_of::<T>(), T::FIELDS)
+    }
+    vec![
+        row::<crate::Vertex>(),
+        row::<GlobalUniform>(),
+        row::<DirectionalLight>(),
+        row::<Material>(),
+        row::<Instance>(),
+        row::<GeometryInfo>(),
+        row::<EnvAliasEntry>(),
+        row::<EnvAliasHeader>(),
+        row::<EmissiveTriangle>(),
+        row::<EmissiveAliasEntry>(),
+        row::<EmissiveAliasHeader>(),
+        row::<ShadowPush>(),
+        row::<GtaoPush>(),
+        row::<AoTemporalPush>(),
+        row::<ContactPush>(),
+        row::<PathTracePush>(),
+        row::<DrawGroup>(),
+        row::<MeshInstance>(),
+    ]
+}
+
+impl Default for GlobalUniform {
+    fn default() -> Self {
+        Self::zeroed()
+    }
+}
+
+impl Default for Material {
+    /// glTF's default material without textures.
+    fn default() -> Self {
+        Self {
+            base_color_factor: [1.0; 4],
+            emissive_factor: [0.0; 4],
+            metallic_factor: 1.0,
+            roughness_factor: 1.0,
+            normal_scale: 1.0,
+            occlusion_strength: 1.0,
+            base_color_tex: NO_TEXTURE,
+            emissive_tex: NO_TEXTURE,
+            metallic_roughness_tex: NO_TEXTURE,
+            normal_tex: NO_TEXTURE,
+            occlusion_tex: NO_TEXTURE,
+            alpha_cutoff: 0.5,
+            alpha_mode: ALPHA_OPAQUE,
+            double_sided: 0,
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! Kinds of raw sections: what each holds, its record size.
+
+/// A raw section of plain records. Discriminants are part of the file format; sections lie in this order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(u32)]
+pub enum SectionKind {
+    /// The vertex arena: [`crate::Vertex`].
+    Vertices = 1,
+    /// The index arena: u32, relative to the primitive's first vertex.
+    Indices = 2,
+    /// [`crate::gpu::Instance`], contiguous per draw group.
+    Instances = 3,
+    /// World bounds of the instances, structure of arrays: see [`crate::bounds::BoundsView`].
+    InstanceBounds = 4,
+    /// [`crate::gpu::DrawGroup`]: opaque, then mask, then blend.
+    DrawGroups = 5,
+    /// [`crate::gpu::MeshInstance`].
+    MeshInstances = 6,
+    /// [`crate::gpu::Material`].
+    Materials = 7,
+    /// [`crate::gpu::DirectionalLight`].
+    DirectionalLights = 8,
+    /// Texel blocks of every image: bytes, each level at a multiple of 16.
+    Texels = 9,
+    /// [`crate::gpu::EnvAliasHeader`] and entries, 4-byte words.
+    EnvAlias = 10,
+    /// [`crate::gpu::EmissiveTriangle`].
+    EmissiveTriangles = 11,
+    /// [`crate::gpu::EmissiveAliasHeader`] and entries, 4-byte words.
+    EmissiveAlias = 12,
+}
+
+impl SectionKind {
+    /// Every kind, in file order.
+    pub const ALL: [Self; 12] = [
+        Self::Vertices,
+        Self::Indices,
+        Self::Instances,
+        Self::InstanceBounds,
+        Self::DrawGroups,
+        Self::MeshInstances,
+        Self::Materials,
+        Self::DirectionalLights,
+        Self::Texels,
+        Self::EnvAlias,
+        Self::EmissiveTriangles,
+        Self::EmissiveAlias,
+    ];
+
+    /// The kind of a discriminant read from a file.
+    pub fn from_u32(value: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| *kind as u32 == value)
+    }
+
+    /// Bytes of one record.
+    pub const fn stride(self) -> u32 {
+        match self {
+            Self::Vertices => 56,
+            Self::Instances => 128,
+            Self::Indices | Self::InstanceBounds | Self::EnvAlias | Self::EmissiveAlias => 4,
+            Self::DrawGroups | Self::DirectionalLights => 32,
+            Self::MeshInstances => 64,
+            Self::Materials => 80,
+            Self::Texels => 1,
+            Self::EmissiveTriangles => 96,
+        }
+    }
+
+    /// Name in messages, reports and JSON.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Vertices => "vertices",
+            Self::Indices => "indices",
+            Self::Instances => "instances",
+            Self::InstanceBounds => "instance-bounds",
+            Self::DrawGroups => "draw-groups",
+            Self::MeshInstances => "mesh-instances",
+            Self::Materials => "materials",
+            Self::DirectionalLights => "directional-lights",
+            Self::Texels => "texels",
+            Self::EnvAlias => "env-alias",
+            Self::EmissiveTriangles => "emissive-triangles",
+            Self::EmissiveAlias => "emissive-alias",
+        }
+    }
+}
