@@ -1,0 +1,239 @@
+//! The plain scene that import produces: decoded attributes, resolved references, nothing GPU-shaped yet.
+
+use glam::{DMat4, DVec3, Vec3, Vec4};
+
+use crate::diagnostic::Diagnostic;
+
+/// One imported glTF scene. Every index below is in range of the vector it points into.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// File stem of the glTF file.
+    pub name: String,
+    pub meshes: Vec<Mesh>,
+    pub materials: Vec<Material>,
+    /// Image and sampler pairs, in glTF order; `TextureRef::texture` points here.
+    pub textures: Vec<Texture>,
+    pub images: Vec<Image>,
+    pub samplers: Vec<Sampler>,
+    /// One per node that carries a mesh, in depth-first scene order.
+    pub instances: Vec<MeshInstance>,
+    pub lights: Vec<Light>,
+    pub cameras: Vec<Camera>,
+    /// Every file that was read, in the order of reading.
+    pub sources: Vec<Source>,
+    pub diagnostics: Vec<Diagnostic>,
+}
+
+/// A file the bake depends on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Source {
+    /// Path relative to the scene file's folder, `/`-separated.
+    pub path: String,
+    pub bytes: u64,
+    /// BLAKE3 of the content.
+    pub hash: [u8; 32],
+}
+
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    pub name: String,
+    pub primitives: Vec<Primitive>,
+}
+
+/// A triangle list. All present attribute vectors have the length of `positions`;
+/// `indices.len()` is a multiple of three and each index is below `positions.len()`.
+#[derive(Clone, Debug, Default)]
+pub struct Primitive {
+    pub positions: Vec<[f32; 3]>,
+    pub normals: Option<Vec<[f32; 3]>>,
+    /// xyz and handedness, as authored.
+    pub tangents: Option<Vec<[f32; 4]>>,
+    pub uv0: Option<Vec<[f32; 2]>>,
+    pub uv1: Option<Vec<[f32; 2]>>,
+    pub indices: Vec<u32>,
+    /// Index into `Scene::materials`; `None` is glTF's default material.
+    pub material: Option<u32>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AlphaMode {
+    Opaque,
+    Mask,
+    Blend,
+}
+
+/// A texture as a material slot uses it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TextureRef {
+    /// Index into `Scene::textures`.
+    pub texture: u32,
+    /// 0 or 1: `uv0` or `uv1`.
+    pub uv_set: u32,
+}
+
+#[derive(Clone, Debug)]
+pub struct Material {
+    pub name: String,
+    /// Linear RGBA.
+    pub base_color: Vec4,
+    /// Linear RGB, `KHR_materials_emissive_strength` folded in.
+    pub emissive: Vec3,
+    pub metallic: f32,
+    pub roughness: f32,
+    pub normal_scale: f32,
+    pub occlusion_strength: f32,
+    pub alpha_mode: AlphaMode,
+    pub alpha_cutoff: f32,
+    pub double_sided: bool,
+    /// `KHR_materials_unlit`.
+    pub unlit: bool,
+    pub base_color_texture: Option<TextureRef>,
+    pub metallic_roughness_texture: Option<TextureRef>,
+    pub normal_texture: Option<TextureRef>,
+    pub occlusion_texture: Option<TextureRef>,
+    pub emissive_texture: Option<TextureRef>,
+}
+
+impl Default for Material {
+    /// glTF 2.0 section 3.9: the default material.
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            base_color: Vec4::ONE,
+            emissive: Vec3::ZERO,
+            metallic: 1.0,
+            roughness: 1.0,
+            normal_scale: 1.0,
+            occlusion_strength: 1.0,
+            alpha_mode: AlphaMode::Opaque,
+            alpha_cutoff: 0.5,
+            double_sided: false,
+            unlit: false,
+            base_color_texture: None,
+            metallic_roughness_texture: None,
+            normal_texture: None,
+            occlusion_texture: None,
+            emissive_texture: None,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Texture {
+    /// Index into `Scene::images`.
+    pub image: u32,
+    /// Index into `Scene::samplers`; `None` is linear filtering and repeat.
+    pub sampler: Option<u32>,
+}
+
+/// An encoded image (PNG or JPEG bytes), decoded only when a material uses it.
+#[derive(Clone, Debug, Default)]
+pub struct Image {
+    /// The glTF name, else the file stem of its URI, else `image N`.
+    pub name: String,
+    pub bytes: Vec<u8>,
+    /// Where it came from, for messages: file, and JSON pointer such as `/images/3`.
+    pub origin: Origin,
+}
+
+/// A place in an input file, for messages.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Origin {
+    pub file: String,
+    pub pointer: String,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Wrap {
+    Repeat,
+    MirroredRepeat,
+    ClampToEdge,
+}
+
+/// A glTF sampler with the defaults filled in (linear, trilinear, repeat).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Sampler {
+    pub mag_linear: bool,
+    pub min_linear: bool,
+    /// `None`: the minification filter names no mipmaps, only level 0 is read.
+    pub mip_linear: Option<bool>,
+    pub wrap_u: Wrap,
+    pub wrap_v: Wrap,
+}
+
+impl Default for Sampler {
+    fn default() -> Self {
+        Self {
+            mag_linear: true,
+            min_linear: true,
+            mip_linear: Some(true),
+            wrap_u: Wrap::Repeat,
+            wrap_v: Wrap::Repeat,
+        }
+    }
+}
+
+#[derive(Clone, Debug)]
+pub struct MeshInstance {
+    /// Name of the node.
+    pub name: String,
+    /// Index into `Scene::meshes`.
+    pub mesh: u32,
+    /// Object to world, composed in f64. The upper 3x3 may be singular, sheared or mirrored; it is finite.
+    pub world: DMat4,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LightKind {
+    /// Intensity in lux.
+    Directional,
+    /// Intensity in candela; `range` in metres, infinite where absent.
+    Point { range: f32 },
+    /// As point, with cone half-angles in radians.
+    Spot { range: f32, inner: f32, outer: f32 },
+}
+
+/// `KHR_lights_punctual`, placed in the world.
+#[derive(Clone, Debug)]
+pub struct Light {
+    pub name: String,
+    pub kind: LightKind,
+    /// Linear RGB.
+    pub color: Vec3,
+    pub intensity: f32,
+    /// World position, metres.
+    pub position: DVec3,
+    /// World direction of travel (the node's -Z), unit length.
+    pub direction: DVec3,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// Vertical field of view in radians, distances in metres; `zfar` absent is infinite.
+    Perspective {
+        yfov: f32,
+        znear: f32,
+        zfar: Option<f32>,
+    },
+    /// Half extents in metres.
+    Orthographic {
+        xmag: f32,
+        ymag: f32,
+        znear: f32,
+        zfar: f32,
+    },
+}
+
+/// A camera of the scene, placed in the world.
+#[derive(Clone, Debug)]
+pub struct Camera {
+    /// The camera's name, else its node's, else `camera N`; unique in the scene.
+    pub name: String,
+    pub projection: Projection,
+    /// World position.
+    pub position: DVec3,
+    /// Unit view direction (the node's -Z).
+    pub forward: DVec3,
+    /// Unit up direction (the node's +Y).
+    pub up: DVec3,
+}

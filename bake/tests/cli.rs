@@ -1,0 +1,144 @@
+//! The command line of `cairn-bake`: outputs, exit codes, messages, untouched files.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn assets() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets")
+}
+
+fn bake(arguments: &[&str]) -> Output {
+    let program = env!("CARGO_BIN_EXE_cairn-bake");
+    Command::new(program)
+        .args(arguments)
+        .output()
+        .expect("cairn-bake runs")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn path(path: &Path) -> &str {
+    path.to_str().expect("a UTF-8 path")
+}
+
+#[test]
+fn a_bake_reports_as_text_and_as_json() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let output = folder.path().join("box with spaces.cairn");
+    let input = assets().join("box/box.gltf");
+    let done = bake(&[path(&input), "-o", path(&output)]);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    assert!(
+        text(&done.stdout).contains("12 triangles"),
+        "{}",
+        text(&done.stdout)
+    );
+    let first = std::fs::read(&output).expect("the package");
+
+    let done = bake(&[path(&input), "-o", path(&output), "--json"]);
+    let json: serde_json::Value = serde_json::from_slice(&done.stdout).expect("one JSON object");
+    assert_eq!(json["triangles"], 12);
+    assert_eq!(json["package_bytes"], first.len());
+    assert!(
+        json["stages"]
+            .as_array()
+            .is_some_and(|stages| stages.len() == 5),
+        "{json}"
+    );
+    assert_eq!(
+        std::fs::read(&output).expect("the package"),
+        first,
+        "a second bake gives the same bytes"
+    );
+
+    let done = bake(&[path(&input), "-o", path(&output), "--quiet"]);
+    assert!(done.status.success() && done.stdout.is_empty() && done.stderr.is_empty());
+}
+
+#[test]
+fn bad_input_exits_with_two_and_touches_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let output = folder.path().join("out.cairn");
+    std::fs::write(&output, b"precious").expect("an old output");
+    let broken = folder.path().join("broken.gltf");
+    let cases: [(&[u8], &str); 4] = [
+        (b"{\"asset\": {\"version\": \"2.0\"},\n  oops}", "line 2"),
+        (b"{\"asset\": {\"version\": \"1.0\"}}", "version"),
+        (
+            br#"{"asset": {"version": "2.0"}, "extensionsRequired": ["EXT_unknown_thing"], "extensionsUsed": ["EXT_unknown_thing"]}"#,
+            "EXT_unknown_thing",
+        ),
+        (
+            br#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+                "meshes": [{"primitives": [{"attributes": {"POSITION": 7}}]}]}"#,
+            "/meshes/0/primitives/0",
+        ),
+    ];
+    for (content, expected) in cases {
+        std::fs::write(&broken, content).expect("a broken scene");
+        let done = bake(&[path(&broken), "-o", path(&output)]);
+        let message = text(&done.stderr);
+        assert_eq!(done.status.code(), Some(2), "{message}");
+        assert!(
+            message.contains("broken.gltf") && message.contains(expected),
+            "`{expected}` in {message}"
+        );
+        assert_eq!(std::fs::read(&output).expect("the old output"), b"precious");
+    }
+    let names: Vec<_> = std::fs::read_dir(folder.path())
+        .expect("the folder")
+        .flatten()
+        .map(|entry| entry.file_name())
+        .collect();
+    assert_eq!(names.len(), 2, "nothing half-written: {names:?}");
+}
+
+#[test]
+fn missing_files_and_folders_are_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let input = assets().join("box/box.gltf");
+    let output = folder.path().join("none/out.cairn");
+    let done = bake(&[path(&input), "-o", path(&output)]);
+    assert_eq!(done.status.code(), Some(2));
+    assert!(
+        text(&done.stderr).contains("none/out.cairn"),
+        "{}",
+        text(&done.stderr)
+    );
+
+    let output = folder.path().join("out.cairn");
+    let done = bake(&[path(&folder.path().join("no.gltf")), "-o", path(&output)]);
+    assert!(done.status.code() == Some(2) && text(&done.stderr).contains("no.gltf"));
+
+    let done = bake(&[path(&input), "--env", path(&input), "-o", path(&output)]);
+    assert!(
+        done.status.code() == Some(2) && text(&done.stderr).contains("box.gltf"),
+        "{}",
+        text(&done.stderr)
+    );
+    assert!(!output.exists());
+}
+
+#[test]
+fn an_input_is_never_overwritten() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = folder.path().join("box.gltf");
+    std::fs::copy(assets().join("box/box.gltf"), &scene).expect("a copy");
+    let before = std::fs::read(&scene).expect("the scene");
+    let done = bake(&[path(&scene), "-o", path(&scene)]);
+    assert_eq!(done.status.code(), Some(2));
+    assert!(
+        text(&done.stderr).contains("overwrite"),
+        "{}",
+        text(&done.stderr)
+    );
+    assert_eq!(std::fs::read(&scene).expect("the scene"), before);
+}
+
+#[test]
+fn help_has_examples() {
+    let done = bake(&["--help"]);
+    assert!(done.status.success() && text(&done.stdout).contains("Examples:"));
+}
