@@ -1,0 +1,301 @@
+//! Fills the vertex and index arenas with what is drawn.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use cairn_format::scene::{self, Bounds};
+use cairn_format::{Aabb, Vertex};
+use rayon::prelude::*;
+
+use crate::diagnostic::{Diagnostic, Result};
+use crate::scene::{Mesh, Primitive, Scene};
+
+use super::materials::{self, MaterialUse};
+use super::primitive::{self, Built};
+use super::{GeometryStats, fault, origin};
+
+/// Vulkan's vertex offset is signed.
+const MAX_VERTICES: u64 = i32::MAX as u64;
+const MAX_INDICES: u64 = u32::MAX as u64;
+
+/// The stored geometry.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Stored {
+    pub(super) vertices: Vec<Vertex>,
+    pub(super) indices: Vec<u32>,
+    pub(super) meshes: Vec<scene::Mesh>,
+    pub(super) primitives: Vec<scene::Primitive>,
+    /// Index into `meshes` of each mesh of the scene; `None` where it is not stored.
+    pub(super) mesh_numbers: Vec<Option<u32>>,
+    /// Material record to index into the scene's materials.
+    pub(super) materials: Vec<Option<u32>>,
+    pub(super) stats: GeometryStats,
+    pub(super) diagnostics: Vec<Diagnostic>,
+}
+
+/// Stores every mesh that a node draws, in the order of the scene. `progress` gets 0..=1.
+pub(super) fn build(scene: &Scene, progress: &(dyn Fn(f32) + Sync)) -> Result<Stored> {
+    let jobs = drawn(scene);
+    let built = build_all(scene, &jobs, progress);
+    let mut stored = Stored {
+        mesh_numbers: vec![None; scene.meshes.len()],
+        ..Stored::default()
+    };
+    reserve(scene, &mut stored, &built)?;
+    let mut records = Records::new(scene.materials.len());
+    for ((mesh, source), built) in jobs.into_iter().zip(built) {
+        let mesh_number = stored.mesh(mesh, &scene.meshes[mesh]);
+        if let Some(why) = built.warning {
+            let name = &scene.meshes[mesh].name;
+            let message = format!(
+                "mesh `{name}`: {why}; its normal map is lit with arbitrary tangents, \
+                 export it with TANGENT"
+            );
+            let warning = Diagnostic::warning("tangents-arbitrary", &origin(scene), message);
+            stored.diagnostics.push(warning);
+        }
+        let material = records.number(source.material);
+        stored.append(mesh_number, built, material);
+    }
+    stored.materials = records.used;
+    Ok(stored)
+}
+
+/// The primitives that are drawn and have triangles, with the index of their mesh.
+fn drawn(scene: &Scene) -> Vec<(usize, &Primitive)> {
+    let mut used = vec![false; scene.meshes.len()];
+    for instance in &scene.instances {
+        used[instance.mesh as usize] = true;
+    }
+    let meshes = scene
+        .meshes
+        .iter()
+        .enumerate()
+        .filter(|(index, _)| used[*index]);
+    meshes
+        .flat_map(|(index, mesh)| {
+            mesh.primitives
+                .iter()
+                .map(move |primitive| (index, primitive))
+        })
+        .filter(|(_, primitive)| !primitive.indices.is_empty())
+        .collect()
+}
+
+fn build_all(
+    scene: &Scene,
+    jobs: &[(usize, &Primitive)],
+    progress: &(dyn Fn(f32) + Sync),
+) -> Vec<Built> {
+    let total: u64 = jobs
+        .iter()
+        .map(|(_, primitive)| primitive.indices.len() as u64)
+        .sum();
+    let done = AtomicU64::new(0);
+    jobs.par_iter()
+        .map(|(_, source)| {
+            let uses = MaterialUse::of(materials::get(scene, source.material));
+            let built = primitive::build(source, &uses);
+            let corners = source.indices.len() as u64;
+            let before = done.fetch_add(corners, Ordering::Relaxed);
+            progress(((before + corners) as f64 / total as f64) as f32);
+            built
+        })
+        .collect()
+}
+
+fn reserve(scene: &Scene, stored: &mut Stored, built: &[Built]) -> Result<()> {
+    let sum = |length: fn(&Built) -> usize| built.iter().map(|built| length(built) as u64).sum();
+    let vertices = limited(
+        scene,
+        "vertices",
+        sum(|built| built.vertices.len()),
+        MAX_VERTICES,
+    )?;
+    let indices = limited(
+        scene,
+        "indices",
+        sum(|built| built.indices.len()),
+        MAX_INDICES,
+    )?;
+    stored.vertices.reserve_exact(vertices);
+    stored.indices.reserve_exact(indices);
+    Ok(())
+}
+
+/// `count`, where a package can hold as many.
+pub(super) fn limited(scene: &Scene, what: &str, count: u64, limit: u64) -> Result<usize> {
+    match usize::try_from(count) {
+        Ok(fits) if count <= limit => Ok(fits),
+        _ => {
+            let message = format!("{count} {what}; a package holds {limit}, split the scene");
+            Err(fault(scene, "too-large", message))
+        }
+    }
+}
+
+impl Stored {
+    /// The number of mesh `index` of the scene; its primitives must come one behind the other.
+    fn mesh(&mut self, index: usize, mesh: &Mesh) -> usize {
+        let next = self.meshes.len() as u32;
+        let number = *self.mesh_numbers[index].get_or_insert(next);
+        if number == next {
+            self.meshes.push(scene::Mesh {
+                name: mesh.name.clone(),
+                first_primitive: self.primitives.len() as u32,
+                primitive_count: 0,
+            });
+        }
+        number as usize
+    }
+
+    fn append(&mut self, mesh: usize, built: Built, material: u32) {
+        self.stats.add(&built.stats);
+        self.meshes[mesh].primitive_count += 1;
+        self.primitives.push(scene::Primitive {
+            first_index: self.indices.len() as u32,
+            index_count: built.indices.len() as u32,
+            first_vertex: self.vertices.len() as u32,
+            vertex_count: built.vertices.len() as u32,
+            material,
+            bounds: bounds(&built.bounds),
+        });
+        self.vertices.extend_from_slice(&built.vertices);
+        self.indices.extend_from_slice(&built.indices);
+    }
+}
+
+fn bounds(aabb: &Aabb) -> Bounds {
+    Bounds {
+        min: aabb.min.to_array(),
+        max: aabb.max.to_array(),
+    }
+}
+
+/// Numbers materials in order of first use.
+struct Records {
+    used: Vec<Option<u32>>,
+    /// Record of the default material, then of each material.
+    numbers: Vec<Option<u32>>,
+}
+
+impl Records {
+    fn new(materials: usize) -> Self {
+        Self {
+            used: Vec::new(),
+            numbers: vec![None; materials + 1],
+        }
+    }
+
+    fn number(&mut self, material: Option<u32>) -> u32 {
+        let place = material.map_or(0, |index| index as usize + 1);
+        *self.numbers[place].get_or_insert_with(|| {
+            self.used.push(material);
+            self.used.len() as u32 - 1
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prepare::testing::{grid, node, normal_mapped, one_mesh};
+    use glam::DMat4;
+
+    fn mesh(name: &str, primitives: Vec<Primitive>) -> Mesh {
+        Mesh {
+            name: name.into(),
+            primitives,
+        }
+    }
+
+    fn with_material(material: Option<u32>) -> Primitive {
+        Primitive {
+            material,
+            ..grid(2)
+        }
+    }
+
+    #[test]
+    fn only_drawn_triangles_are_stored() {
+        let mut scene = Scene {
+            meshes: vec![
+                mesh("unused", vec![with_material(Some(0))]),
+                mesh("empty", vec![Primitive::default()]),
+                mesh(
+                    "two",
+                    vec![
+                        with_material(Some(3)),
+                        with_material(None),
+                        Primitive::default(),
+                    ],
+                ),
+                mesh("one", vec![with_material(Some(1)), with_material(Some(3))]),
+            ],
+            materials: vec![normal_mapped(0); 4],
+            ..Scene::default()
+        };
+        scene.instances = [3, 2, 1, 2]
+            .map(|mesh| node(mesh, DMat4::IDENTITY))
+            .to_vec();
+        let stored = build(&scene, &|_| ()).expect("the scene is valid");
+        let names: Vec<&str> = stored
+            .meshes
+            .iter()
+            .map(|mesh| mesh.name.as_str())
+            .collect();
+        assert_eq!(names, ["two", "one"]);
+        assert_eq!(stored.mesh_numbers, [None, None, Some(0), Some(1)]);
+        assert_eq!(stored.materials, [Some(3), None, Some(1)]);
+        let materials: Vec<u32> = stored.primitives.iter().map(|p| p.material).collect();
+        assert_eq!(materials, [0, 1, 2, 0]);
+        assert_eq!(
+            (
+                stored.meshes[1].first_primitive,
+                stored.meshes[1].primitive_count
+            ),
+            (2, 2)
+        );
+        let (mut index, mut vertex) = (0, 0);
+        for primitive in &stored.primitives {
+            assert_eq!(
+                (primitive.first_index, primitive.first_vertex),
+                (index, vertex)
+            );
+            index += primitive.index_count;
+            vertex += primitive.vertex_count;
+        }
+        assert_eq!(
+            (stored.indices.len(), stored.vertices.len()),
+            (index as usize, vertex as usize)
+        );
+    }
+
+    #[test]
+    fn absent_coordinates_of_a_normal_map_are_reported() {
+        let mut scene = one_mesh(with_material(Some(0)));
+        scene.materials = vec![normal_mapped(1)];
+        assert!(
+            build(&scene, &|_| ())
+                .expect("valid")
+                .diagnostics
+                .is_empty()
+        );
+        scene.meshes[0].primitives[0].uv1 = None;
+        let stored = build(&scene, &|_| ()).expect("valid");
+        assert_eq!(stored.stats.missing_normal_uvs, 1);
+        assert_eq!(stored.diagnostics.len(), 1);
+        assert_eq!(stored.diagnostics[0].code, "tangents-arbitrary");
+    }
+
+    #[test]
+    fn limits_give_typed_errors() {
+        let scene = Scene::default();
+        assert_eq!(
+            limited(&scene, "vertices", MAX_VERTICES, MAX_VERTICES).ok(),
+            Some(i32::MAX as usize)
+        );
+        let error =
+            limited(&scene, "vertices", MAX_VERTICES + 1, MAX_VERTICES).expect_err("too many");
+        assert!(error.to_string().contains("2147483648 vertices"), "{error}");
+    }
+}
