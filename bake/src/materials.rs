@@ -1,0 +1,236 @@
+//! Derives texture slots, roles and material records from the materials that a scene uses.
+
+use cairn_format::features;
+use cairn_format::gpu;
+
+use crate::encode::{AlphaUse, Role};
+use crate::scene::{AlphaMode, Material, Sampler, Scene, TextureRef};
+
+/// An image to encode: the same glTF image in two roles is two of these.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImageUse {
+    /// Index into `Scene::images`.
+    pub image: u32,
+    pub role: Role,
+    pub alpha: AlphaUse,
+    /// The sampler whose wrap modes the mip filter follows.
+    pub sampler: Sampler,
+}
+
+/// A texture slot: indices into [`Plan::images`] and [`Plan::samplers`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Slot {
+    pub image: u32,
+    pub sampler: u32,
+}
+
+/// What the materials of a package need.
+#[derive(Debug, Default)]
+pub struct Plan {
+    pub images: Vec<ImageUse>,
+    pub samplers: Vec<Sampler>,
+    pub slots: Vec<Slot>,
+    /// One record per used material.
+    pub materials: Vec<gpu::Material>,
+    pub names: Vec<String>,
+    /// Feature bits that follow from textures.
+    pub features: u32,
+}
+
+/// Plans the records of `used`: indices into the scene's materials, `None` for glTF's default material.
+pub fn plan(scene: &Scene, used: &[Option<u32>]) -> Plan {
+    let mut plan = Plan::default();
+    for index in used {
+        let fallback = Material::default();
+        let material = match index {
+            Some(index) => &scene.materials[*index as usize],
+            None => &fallback,
+        };
+        let record = plan.record(scene, material);
+        plan.materials.push(record);
+        plan.names.push(material.name.clone());
+    }
+    plan
+}
+
+impl Plan {
+    fn record(&mut self, scene: &Scene, material: &Material) -> gpu::Material {
+        let lit = !material.unlit;
+        let alpha = match material.alpha_mode {
+            AlphaMode::Opaque => AlphaUse::Ignore,
+            AlphaMode::Blend => AlphaUse::Blend,
+            // The test is on factor times texture: as a threshold on the texture alone it is divided.
+            AlphaMode::Mask => AlphaUse::Mask {
+                cutoff: material.alpha_cutoff / material.base_color.w.max(f32::MIN_POSITIVE),
+            },
+        };
+        let emits = lit && material.emissive.max_element() > 0.0;
+        let occluded = lit && material.occlusion_strength > 0.0;
+        let lit_texture = |texture: Option<TextureRef>, wanted: bool| texture.filter(|_| wanted);
+        let emissive = lit_texture(material.emissive_texture, emits);
+        let rough = lit_texture(material.metallic_roughness_texture, lit);
+        let normal = lit_texture(material.normal_texture, lit);
+        let occlusion = lit_texture(material.occlusion_texture, occluded);
+        gpu::Material {
+            base_color_factor: material.base_color.to_array(),
+            emissive_factor: material.emissive.extend(0.0).to_array(),
+            metallic_factor: material.metallic,
+            roughness_factor: material.roughness,
+            normal_scale: material.normal_scale,
+            occlusion_strength: material.occlusion_strength,
+            base_color_tex: self.reference(scene, material.base_color_texture, Role::Color, alpha),
+            emissive_tex: self.reference(scene, emissive, Role::Color, AlphaUse::Ignore),
+            metallic_roughness_tex: self.reference(scene, rough, Role::Data, AlphaUse::Ignore),
+            normal_tex: self.reference(scene, normal, Role::Normal, AlphaUse::Ignore),
+            occlusion_tex: self.reference(scene, occlusion, Role::Data, AlphaUse::Ignore),
+            alpha_cutoff: material.alpha_cutoff,
+            alpha_mode: alpha_mode(material.alpha_mode),
+            double_sided: flags(material),
+        }
+    }
+
+    fn reference(
+        &mut self,
+        scene: &Scene,
+        texture: Option<TextureRef>,
+        role: Role,
+        alpha: AlphaUse,
+    ) -> u32 {
+        let Some(reference) = texture else {
+            return gpu::NO_TEXTURE;
+        };
+        let texture = scene.textures[reference.texture as usize];
+        let sampler = texture
+            .sampler
+            .map_or_else(Sampler::default, |index| scene.samplers[index as usize]);
+        let image = self.image(ImageUse {
+            image: texture.image,
+            role,
+            alpha,
+            sampler,
+        });
+        let slot = Slot {
+            image,
+            sampler: find_or_push(&mut self.samplers, sampler),
+        };
+        let slot = find_or_push(&mut self.slots, slot);
+        self.features |= features::TEXTURES;
+        if reference.uv_set == 0 {
+            return slot;
+        }
+        self.features |= features::UV1;
+        slot | gpu::TEXTURE_UV1
+    }
+
+    /// Uses that differ only in what the mip filter ignores share an image.
+    fn image(&mut self, wanted: ImageUse) -> u32 {
+        let same = |have: &ImageUse| {
+            have.image == wanted.image
+                && have.role == wanted.role
+                && have.alpha == wanted.alpha
+                && have.sampler.wrap_u == wanted.sampler.wrap_u
+                && have.sampler.wrap_v == wanted.sampler.wrap_v
+        };
+        match self.images.iter().position(same) {
+            Some(index) => index as u32,
+            None => {
+                self.images.push(wanted);
+                self.images.len() as u32 - 1
+            }
+        }
+    }
+}
+
+/// `alpha_mode` of a material record.
+pub fn alpha_mode(mode: AlphaMode) -> u32 {
+    match mode {
+        AlphaMode::Opaque => gpu::ALPHA_OPAQUE,
+        AlphaMode::Mask => gpu::ALPHA_MASK,
+        AlphaMode::Blend => gpu::ALPHA_BLEND,
+    }
+}
+
+fn flags(material: &Material) -> u32 {
+    let double_sided = if material.double_sided {
+        gpu::MATERIAL_DOUBLE_SIDED
+    } else {
+        0
+    };
+    let unlit = if material.unlit {
+        gpu::MATERIAL_UNLIT
+    } else {
+        0
+    };
+    double_sided | unlit
+}
+
+fn find_or_push<T: PartialEq>(list: &mut Vec<T>, value: T) -> u32 {
+    let index = list
+        .iter()
+        .position(|have| *have == value)
+        .unwrap_or_else(|| {
+            list.push(value);
+            list.len() - 1
+        });
+    index as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Image, Texture};
+    use glam::Vec3;
+
+    fn textured() -> Scene {
+        let reference = |uv_set| Some(TextureRef { texture: 0, uv_set });
+        Scene {
+            images: vec![Image::default()],
+            textures: vec![Texture {
+                image: 0,
+                sampler: None,
+            }],
+            materials: vec![Material {
+                base_color_texture: reference(0),
+                metallic_roughness_texture: reference(1),
+                emissive_texture: reference(0),
+                ..Material::default()
+            }],
+            ..Scene::default()
+        }
+    }
+
+    #[test]
+    fn one_image_in_two_roles_is_encoded_twice() {
+        let plan = plan(&textured(), &[Some(0)]);
+        assert_eq!(plan.images.len(), 2);
+        assert_eq!(plan.samplers.len(), 1);
+        assert_eq!(plan.materials[0].base_color_tex, 0);
+        assert_eq!(
+            plan.materials[0].metallic_roughness_tex,
+            1 | gpu::TEXTURE_UV1
+        );
+        assert_eq!(plan.features, features::TEXTURES | features::UV1);
+    }
+
+    #[test]
+    fn textures_without_effect_are_left_out() {
+        let mut scene = textured();
+        assert_eq!(
+            plan(&scene, &[Some(0)]).materials[0].emissive_tex,
+            gpu::NO_TEXTURE
+        );
+        scene.materials[0].emissive = Vec3::ONE;
+        assert_eq!(plan(&scene, &[Some(0)]).materials[0].emissive_tex, 0);
+        scene.materials[0].unlit = true;
+        let unlit = plan(&scene, &[Some(0)]);
+        assert_eq!(unlit.images.len(), 1);
+        assert_eq!(unlit.materials[0].double_sided, gpu::MATERIAL_UNLIT);
+    }
+
+    #[test]
+    fn the_default_material_has_no_texture() {
+        let plan = plan(&Scene::default(), &[None]);
+        assert!(plan.images.is_empty() && plan.slots.is_empty());
+        assert_eq!(plan.materials[0], gpu::Material::default());
+    }
+}

@@ -1,0 +1,204 @@
+//! Decodes and encodes the planned images, and lays all texels out in one section.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use cairn_format::TextureFormat;
+use cairn_format::header::{ALIGNMENT, align_up};
+use cairn_format::scene::{Image, ImageRole, Level};
+use rayon::prelude::*;
+
+use crate::diagnostic::Result;
+use crate::encode::{
+    AlphaUse, EncodeOptions, EncodedTexture, Role, Source, TextureReport, encode, is_opaque,
+};
+use crate::import::decode_image;
+use crate::materials::Plan;
+use crate::report::Row;
+use crate::scene::Scene;
+
+/// The texel section in the making.
+#[derive(Debug, Default)]
+pub struct Texels {
+    pub images: Vec<Image>,
+    pub bytes: Vec<u8>,
+    pub report: Vec<Row>,
+}
+
+/// What an image is, apart from its levels.
+pub struct ImageInfo<'a> {
+    pub name: &'a str,
+    pub role: ImageRole,
+    pub format: TextureFormat,
+    pub width: u32,
+    pub height: u32,
+    pub layers: u32,
+}
+
+impl Texels {
+    /// Appends an image with its levels, largest first; returns its index.
+    pub fn push<'a>(&mut self, info: &ImageInfo, levels: impl Iterator<Item = &'a [u8]>) -> u32 {
+        let levels = levels
+            .map(|level| {
+                self.bytes
+                    .resize(align_up(self.bytes.len() as u64, ALIGNMENT) as usize, 0);
+                let offset = self.bytes.len() as u64;
+                self.bytes.extend_from_slice(level);
+                Level {
+                    offset,
+                    length: level.len() as u64,
+                }
+            })
+            .collect();
+        self.images.push(Image {
+            name: info.name.to_owned(),
+            role: info.role,
+            format: info.format,
+            width: info.width,
+            height: info.height,
+            layers: info.layers,
+            levels,
+        });
+        self.images.len() as u32 - 1
+    }
+}
+
+/// Encodes the plan's images in order, each on all cores that are free.
+///
+/// # Errors
+/// The first image, in plan order, that cannot be decoded.
+pub fn encode_all(
+    scene: &Scene,
+    plan: &Plan,
+    options: &EncodeOptions,
+    limit_pixels: u64,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<Vec<EncodedTexture>> {
+    let done = AtomicUsize::new(0);
+    let encoded: Vec<Result<EncodedTexture>> = plan
+        .images
+        .par_iter()
+        .map(|wanted| {
+            let image = decode_image(&scene.images[wanted.image as usize], limit_pixels)?;
+            let alpha = if is_opaque(&image.texels) {
+                AlphaUse::Ignore
+            } else {
+                wanted.alpha
+            };
+            let source = Source {
+                width: image.width,
+                height: image.height,
+                texels: &image.texels,
+                wrap_u: wanted.sampler.wrap_u,
+                wrap_v: wanted.sampler.wrap_v,
+                alpha,
+            };
+            let texture = encode(&source, wanted.role, options);
+            let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
+            progress(finished as f32 / plan.images.len() as f32);
+            Ok(texture)
+        })
+        .collect();
+    encoded.into_iter().collect()
+}
+
+/// Appends the encoded images; equal ones are stored once. Returns the stored index of each.
+pub fn store(
+    texels: &mut Texels,
+    scene: &Scene,
+    plan: &Plan,
+    encoded: &[EncodedTexture],
+    preset: &str,
+) -> Vec<u32> {
+    let mut stored: Vec<u32> = Vec::with_capacity(encoded.len());
+    for (index, (texture, wanted)) in encoded.iter().zip(&plan.images).enumerate() {
+        let same = |other: &usize| {
+            let (have, use_) = (&encoded[*other], &plan.images[*other]);
+            use_.role == wanted.role
+                && have.format == texture.format
+                && have.levels == texture.levels
+        };
+        if let Some(twin) = (0..index).find(same) {
+            stored.push(stored[twin]);
+            continue;
+        }
+        let name = &scene.images[wanted.image as usize].name;
+        let info = ImageInfo {
+            name,
+            role: match wanted.role {
+                Role::Color => ImageRole::Color,
+                Role::Data => ImageRole::Data,
+                Role::Normal => ImageRole::Normal,
+            },
+            format: texture.format,
+            width: texture.width,
+            height: texture.height,
+            layers: 1,
+        };
+        stored.push(texels.push(&info, texture.levels.iter().map(Vec::as_slice)));
+        let bytes = texture.levels.iter().map(|level| level.len() as u64).sum();
+        let rows = rows(name, texture, preset, bytes);
+        texels.report.extend(rows);
+    }
+    stored
+}
+
+fn rows(name: &str, texture: &EncodedTexture, preset: &str, bytes: u64) -> Vec<Row> {
+    let report: &TextureReport = &texture.report;
+    let row = |metric: &str, error| Row {
+        stage: "texture".into(),
+        item: name.to_owned(),
+        setting: format!("{:?} {preset}", texture.format),
+        seconds: report.seconds,
+        throughput: Some(report.megapixels_per_second),
+        throughput_unit: "Mpix/s",
+        metric: metric.into(),
+        error,
+        bytes,
+    };
+    // A lossless image has no finite PSNR; 999 stands for it, since JSON has no infinity.
+    let finite = |psnr: f64| if psnr.is_finite() { psnr } else { 999.0 };
+    let mut rows = vec![
+        row("psnr dB", finite(report.psnr_db)),
+        row("p99 block rmse /255", report.p99_block_rmse),
+    ];
+    if let Some(psnr) = report.psnr_linear_light_db {
+        rows.push(row("psnr dB, linear light", finite(psnr)));
+    }
+    if let Some(angle) = &report.normal_angle_deg {
+        rows.push(row("normal p99 degrees", angle.p99));
+        rows.push(row("normal max degrees", angle.max));
+    }
+    let coverage = report.alpha_coverage_delta.iter().map(|delta| delta.abs());
+    if let Some(worst) = coverage.max_by(f64::total_cmp) {
+        rows.push(row("alpha coverage delta, worst mip", worst));
+    }
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_begin_at_multiples_of_sixteen() {
+        let mut texels = Texels::default();
+        let info = ImageInfo {
+            name: "a",
+            role: ImageRole::Data,
+            format: TextureFormat::Rgba8Unorm,
+            width: 3,
+            height: 1,
+            layers: 1,
+        };
+        let levels: [&[u8]; 2] = [&[1; 12], &[2; 4]];
+        assert_eq!(texels.push(&info, levels.into_iter()), 0);
+        assert_eq!(texels.push(&info, levels.into_iter()), 1);
+        let offsets: Vec<u64> = texels
+            .images
+            .iter()
+            .flat_map(|image| image.levels.iter().map(|level| level.offset))
+            .collect();
+        assert_eq!(offsets, [0, 16, 32, 48]);
+        assert_eq!(texels.bytes[12..16], [0; 4]);
+    }
+}
