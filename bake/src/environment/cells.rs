@@ -1,0 +1,125 @@
+//! A pyramid of sky cells, each with the direction its radiance comes from.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::cubemap::{Cube, downsample, face_solid_angles, texel_direction, to_f32, to_f64};
+
+/// One level of the pyramid; vectors are indexed like a cube level, face-major.
+pub(super) struct CellLevel {
+    pub size: u32,
+    /// Exact solid angle of each texel of one face.
+    pub solid_angles: Vec<f64>,
+    pub cells: Vec<Cell>,
+}
+
+/// One texel of the sky.
+///
+/// A kernel weight taken at the centroid instead of the centre is right to second order however
+/// unevenly the radiance lies within the cell: a sun smaller than its cell is seen where it is.
+#[derive(Clone, Copy)]
+pub(super) struct Cell {
+    /// Mean radiance.
+    pub radiance: [f32; 3],
+    /// Unit mean direction of the cell's area.
+    pub centre: [f32; 3],
+    /// Unit mean direction weighted by radiance (sum of channels); `centre` where black.
+    pub centroid: [f32; 3],
+}
+
+/// Levels from coarse (at least `coarsest` texels a side) to the cube's finest.
+pub(super) fn build(cube: &Cube, finest: usize, coarsest: u32) -> Vec<CellLevel> {
+    let mut levels = Vec::new();
+    let size = cube.level_size(finest);
+    let solid_angles = face_solid_angles(size);
+    let texels = &cube.levels[finest];
+    let mut moments: Vec<Moment> = (0..texels.len())
+        .into_par_iter()
+        .map(|index| {
+            let direction = texel_direction(index, size);
+            let angle = solid_angles[index % solid_angles.len()];
+            Moment {
+                area: direction * angle,
+                light: direction * (angle * to_f64(texels[index]).element_sum()),
+            }
+        })
+        .collect();
+    levels.push(level(size, solid_angles, texels, &moments));
+    let mut owned: Option<Vec<[f32; 3]>> = None;
+    let mut size = size;
+    while size > coarsest && size.is_multiple_of(2) {
+        let coarser = downsample(owned.as_deref().unwrap_or(texels), size);
+        moments = halve(&moments, size);
+        size /= 2;
+        levels.push(level(size, face_solid_angles(size), &coarser, &moments));
+        owned = Some(coarser);
+    }
+    levels.reverse();
+    levels
+}
+
+/// Direction integrated over a cell: plain, weighted by radiance.
+#[derive(Clone, Copy)]
+struct Moment {
+    area: DVec3,
+    light: DVec3,
+}
+
+fn halve(moments: &[Moment], size: u32) -> Vec<Moment> {
+    let side = size as usize;
+    let half = side / 2;
+    (0..6 * half * half)
+        .into_par_iter()
+        .map(|index| {
+            let (strip, column) = (index / half, index % half);
+            let first = 2 * strip * side + 2 * column;
+            let children = [first, first + 1, first + side, first + side + 1];
+            Moment {
+                area: children.iter().map(|&child| moments[child].area).sum(),
+                light: children.iter().map(|&child| moments[child].light).sum(),
+            }
+        })
+        .collect()
+}
+
+fn level(size: u32, solid_angles: Vec<f64>, texels: &[[f32; 3]], moments: &[Moment]) -> CellLevel {
+    let cells = texels
+        .par_iter()
+        .zip(moments)
+        .map(|(&radiance, moment)| {
+            let centre = moment.area.normalize();
+            Cell {
+                radiance,
+                centre: to_f32(centre),
+                centroid: to_f32(moment.light.try_normalize().unwrap_or(centre)),
+            }
+        })
+        .collect();
+    CellLevel {
+        size,
+        solid_angles,
+        cells,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sun_stays_where_it_is_in_every_level() {
+        let size = 64;
+        let sun = 2 * 4096 + 17 * 64 + 41;
+        let mut texels = vec![[0.0; 3]; 6 * 4096];
+        texels[sun] = [5.0, 0.0, 1.0];
+        let cube = Cube::single(size, texels);
+        let direction = texel_direction(sun, size);
+        let levels = build(&cube, 0, 4);
+        assert_eq!(levels.len(), 5);
+        for level in &levels {
+            let lit: Vec<_> = level.cells.iter().filter(|c| c.radiance[0] > 0.0).collect();
+            assert_eq!(lit.len(), 1);
+            assert!((to_f64(lit[0].centroid) - direction).length() < 1e-6);
+        }
+    }
+}

@@ -1,0 +1,381 @@
+//! Equirectangular map to cube face by integration over every cube texel.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::cubemap::{edge_coordinate, to_f32};
+use super::equirect::{Equirect, Rows};
+use super::quadrature::Rule;
+
+/// Points per panel; a panel never spans a kink of the map's horizontal blend or of the texel's
+/// outline, so the integrand is smooth in it.
+const PANEL_POINTS: usize = 3;
+
+/// One meridian that crosses a texel.
+struct Meridian {
+    /// Columns on both sides, the right one's blend weight.
+    left: usize,
+    right: usize,
+    blend: f64,
+    /// Quadrature weight in radians of longitude.
+    weight: f64,
+    /// `|cos|`, `|sin|` of the longitude relative to the face's axis.
+    cosine: f64,
+    sine: f64,
+}
+
+/// Mean radiance of every texel of a cube of the given even side.
+///
+/// Radiance is the map's bilinear reconstruction (see [`Rows`]). Each texel is integrated along
+/// meridians: Gauss-Legendre in longitude between all kinks, exact in `y` along each meridian.
+/// All weights are positive, a constant map gives that constant, and the map's total energy is
+/// kept to quadrature precision whatever the ratio of texel sizes, single-texel suns included.
+pub(super) fn equirect_to_cube(input: &Equirect, rows: &Rows, size: u32) -> Vec<[f32; 3]> {
+    let resampler = Resampler {
+        input,
+        rows,
+        rule: Rule::gauss_legendre(PANEL_POINTS),
+        size,
+    };
+    let side = size as usize;
+    let faces: Vec<Vec<[f32; 3]>> = (0..6)
+        .map(|face| match side_face_turn(face) {
+            Some(turn) => resampler.side_face(turn),
+            None => resampler.pole_face(face == 2),
+        })
+        .collect();
+    debug_assert!(faces.iter().all(|face| face.len() == side * side));
+    faces.concat()
+}
+
+/// Longitude of a side face's centre in turns; `None` for the faces of the poles.
+fn side_face_turn(face: usize) -> Option<f64> {
+    match face {
+        0 => Some(0.0),
+        1 => Some(0.5),
+        4 => Some(0.25),
+        5 => Some(-0.25),
+        _ => None,
+    }
+}
+
+struct Resampler<'a> {
+    input: &'a Equirect,
+    rows: &'a Rows,
+    rule: Rule,
+    size: u32,
+}
+
+impl Resampler<'_> {
+    /// Continuous column at a longitude in turns; texel centres lie at integers.
+    fn column(&self, turn: f64) -> f64 {
+        (0.5 + turn) * f64::from(self.input.width) - 0.5
+    }
+
+    /// Appends the meridians between two columns, with longitudes relative to `origin`.
+    fn meridians(&self, from: f64, to: f64, origin: f64, out: &mut Vec<Meridian>) {
+        let width = i64::from(self.input.width);
+        let radians = 2.0 * PI / width as f64;
+        let mut start = from.min(to);
+        let end = from.max(to);
+        let mut cell = libm::floor(start);
+        while start < end {
+            let stop = end.min(cell + 1.0);
+            let left = (cell as i64).rem_euclid(width);
+            for &(node, weight) in &self.rule.nodes {
+                let column = start + (stop - start) * node;
+                let longitude = (column - origin) * radians;
+                out.push(Meridian {
+                    left: left as usize,
+                    right: ((left + 1) % width) as usize,
+                    blend: column - cell,
+                    weight: weight * (stop - start) * radians,
+                    cosine: libm::cos(longitude).abs(),
+                    sine: libm::sin(longitude).abs(),
+                });
+            }
+            start = stop;
+            cell += 1.0;
+        }
+    }
+
+    /// Integral of radiance along a meridian between two `y`.
+    fn along(&self, meridian: &Meridian, low: f64, high: f64) -> DVec3 {
+        let mut sum = DVec3::ZERO;
+        self.rows.integrate(low, high, |row, weight| {
+            let left = self.input.texel(meridian.left, row);
+            let right = self.input.texel(meridian.right, row);
+            sum += (left + (right - left) * meridian.blend) * weight;
+        });
+        sum
+    }
+
+    fn side_face(&self, turn: f64) -> Vec<[f32; 3]> {
+        let side = self.size as usize;
+        let origin = self.column(turn);
+        let column_at = |index: usize| {
+            self.column(turn - libm::atan(edge_coordinate(index, self.size)) / (2.0 * PI))
+        };
+        let columns: Vec<Vec<Meridian>> = (0..side)
+            .into_par_iter()
+            .map(|x| {
+                let mut meridians = Vec::new();
+                self.meridians(column_at(x), column_at(x + 1), origin, &mut meridians);
+                meridians
+            })
+            .collect();
+        let texel = |x: usize, y: usize| {
+            let (top, bottom) = (
+                edge_coordinate(y, self.size),
+                edge_coordinate(y + 1, self.size),
+            );
+            let (mut sum, mut area) = (DVec3::ZERO, 0.0);
+            for meridian in &columns[x] {
+                // On the meridian s = tan(longitude), so y = -t cos / sqrt(1 + (t cos)^2).
+                let sine_of_latitude = |t: f64| {
+                    let slope = -t * meridian.cosine;
+                    slope / (1.0 + slope * slope).sqrt()
+                };
+                let (low, high) = (sine_of_latitude(bottom), sine_of_latitude(top));
+                sum += self.along(meridian, low, high) * meridian.weight;
+                area += meridian.weight * (high - low);
+            }
+            to_f32(sum / area)
+        };
+        (0..side * side)
+            .into_par_iter()
+            .map(|index| texel(index % side, index / side))
+            .collect()
+    }
+
+    fn pole_face(&self, up: bool) -> Vec<[f32; 3]> {
+        let side = self.size as usize;
+        (0..side * side)
+            .into_par_iter()
+            .map_init(Vec::new, |meridians, index| {
+                self.pole_texel(index % side, index / side, up, meridians)
+            })
+            .collect()
+    }
+
+    fn pole_texel(&self, x: usize, y: usize, up: bool, scratch: &mut Vec<Meridian>) -> [f32; 3] {
+        let texel = PoleTexel::new(x, y, up, self.size);
+        scratch.clear();
+        let corners = texel.corner_turns().map(|turn| self.column(turn));
+        let origin = self.column(0.0);
+        for pair in corners.windows(2) {
+            self.meridians(pair[0], pair[1], origin, scratch);
+        }
+        let (mut sum, mut area) = (DVec3::ZERO, 0.0);
+        for meridian in scratch.iter() {
+            let Some((near, far)) = texel.radii(meridian) else {
+                continue;
+            };
+            let height = |radius: f64| 1.0 / (1.0 + radius * radius).sqrt();
+            let (high, low) = (height(near), height(far));
+            let (low, high) = if up { (low, high) } else { (-high, -low) };
+            sum += self.along(meridian, low, high) * meridian.weight;
+            area += meridian.weight * (high - low);
+        }
+        to_f32(sum / area)
+    }
+}
+
+/// A texel of a pole's face. The face's side is even, so it lies in one quadrant around the pole
+/// and is described there by magnitudes of the direction's `x` and `z`.
+struct PoleTexel {
+    near_x: f64,
+    far_x: f64,
+    positive_x: bool,
+    near_z: f64,
+    far_z: f64,
+    positive_z: bool,
+}
+
+impl PoleTexel {
+    fn new(x: usize, y: usize, up: bool, size: u32) -> Self {
+        let span = |index: usize| {
+            let (a, b) = (
+                edge_coordinate(index, size),
+                edge_coordinate(index + 1, size),
+            );
+            (a.abs().min(b.abs()), a.abs().max(b.abs()), a + b > 0.0)
+        };
+        let (near_x, far_x, positive_x) = span(x);
+        let (near_z, far_z, positive_t) = span(y);
+        Self {
+            near_x,
+            far_x,
+            positive_x,
+            near_z,
+            far_z,
+            positive_z: positive_t == up,
+        }
+    }
+
+    /// Longitudes of the four corners in turns, in monotonic order.
+    fn corner_turns(&self) -> [f64; 4] {
+        let inner = libm::atan2(self.near_z, self.near_x);
+        let outer = libm::atan2(self.far_z, self.far_x);
+        let angles = [
+            libm::atan2(self.near_z, self.far_x),
+            inner.min(outer),
+            inner.max(outer),
+            libm::atan2(self.far_z, self.near_x),
+        ];
+        angles.map(|angle| {
+            let turn = angle / (2.0 * PI);
+            match (self.positive_x, self.positive_z) {
+                (true, true) => turn,
+                (true, false) => -turn,
+                (false, true) => 0.5 - turn,
+                (false, false) => turn - 0.5,
+            }
+        })
+    }
+
+    /// Distances from the pole, in the face's plane, at which a meridian enters and leaves.
+    fn radii(&self, meridian: &Meridian) -> Option<(f64, f64)> {
+        let cosine = meridian.cosine.max(f64::MIN_POSITIVE);
+        let sine = meridian.sine.max(f64::MIN_POSITIVE);
+        let near = (self.near_x / cosine).max(self.near_z / sine);
+        let far = (self.far_x / cosine).min(self.far_z / sine);
+        (far > near).then_some((near, far))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::cubemap::{energy, texel_at};
+    use super::*;
+
+    fn resample(input: &Equirect, size: u32) -> Vec<[f32; 3]> {
+        equirect_to_cube(input, &Rows::new(input.height), size)
+    }
+
+    #[test]
+    fn every_single_texel_sun_keeps_its_energy() {
+        let mut worst: f64 = 0.0;
+        for (width, height, size) in [
+            (64_u32, 32_u32, 32_u32),
+            (61, 17, 8),
+            (5, 40, 64),
+            (2, 1, 8),
+        ] {
+            let rows = Rows::new(height);
+            for index in 0..(width * height) as usize {
+                if index > 200 && index % 37 != 0 {
+                    continue;
+                }
+                let mut texels = vec![[0.0; 3]; (width * height) as usize];
+                texels[index] = [1e6, 1.0, 0.0];
+                let input = Equirect {
+                    width,
+                    height,
+                    texels,
+                };
+                let sum = energy(&equirect_to_cube(&input, &rows, size), size);
+                let exact = input.energy(&rows);
+                worst = worst.max((sum.x / exact.x - 1.0).abs());
+                worst = worst.max((sum.y / exact.y - 1.0).abs());
+                assert_eq!(sum.z, 0.0);
+            }
+        }
+        eprintln!("worst energy error of a single-texel sun: {worst:.2e}");
+        assert!(worst < 1e-4, "{worst}");
+    }
+
+    #[test]
+    fn labelled_map_puts_each_colour_on_its_axis() {
+        let (width, height) = (64_u32, 32_u32);
+        let axes = [
+            DVec3::X,
+            DVec3::NEG_X,
+            DVec3::Y,
+            DVec3::NEG_Y,
+            DVec3::Z,
+            DVec3::NEG_Z,
+        ];
+        let colours = [
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 1.0],
+            [0.0, 1.0, 0.0],
+            [1.0, 0.0, 1.0],
+            [0.0, 0.0, 1.0],
+            [1.0, 1.0, 0.0],
+        ];
+        let texels = (0..width * height)
+            .map(|index| {
+                let u = (f64::from(index % width) + 0.5) / f64::from(width);
+                let v = (f64::from(index / width) + 0.5) / f64::from(height);
+                let (longitude, polar) = ((u - 0.5) * 2.0 * PI, v * PI);
+                let direction = DVec3::new(
+                    libm::sin(polar) * libm::cos(longitude),
+                    libm::cos(polar),
+                    libm::sin(polar) * libm::sin(longitude),
+                );
+                axes.iter()
+                    .position(|axis| axis.dot(direction) > 0.8)
+                    .map_or([0.0; 3], |axis| colours[axis])
+            })
+            .collect();
+        let size = 32;
+        let cube = resample(
+            &Equirect {
+                width,
+                height,
+                texels,
+            },
+            size,
+        );
+        for (axis, colour) in axes.iter().zip(colours) {
+            let texel = cube[texel_at(*axis, size)];
+            for channel in 0..3 {
+                assert!((texel[channel] - colour[channel]).abs() < 1e-6, "{axis}");
+            }
+        }
+    }
+
+    #[test]
+    fn texels_match_dense_supersampling_of_the_reconstruction() {
+        let (width, height, size) = (24_u32, 12_u32, 8_u32);
+        let texels = (0..width * height)
+            .map(|i| [((i * 7919) % 101) as f32, ((i * 104_729) % 53) as f32, 1.0])
+            .collect();
+        let input = Equirect {
+            width,
+            height,
+            texels,
+        };
+        let rows = Rows::new(height);
+        let cube = equirect_to_cube(&input, &rows, size);
+        let steps = 96;
+        for index in (0..6 * 64).step_by(5) {
+            let (face, x, y) = (index / 64, index % 8, index / 8 % 8);
+            let (mut sum, mut area) = (DVec3::ZERO, 0.0);
+            for k in 0..steps * steps {
+                let offset = |k: usize| (k as f64 + 0.5) / steps as f64;
+                let s = (x as f64 + offset(k % steps)) / 4.0 - 1.0;
+                let t = (y as f64 + offset(k / steps)) / 4.0 - 1.0;
+                let direction = DVec3::from(super::super::cubemap::face_direction(face, s, t));
+                let weight = 1.0 / direction.length_squared().powf(1.5);
+                let unit = direction.normalize();
+                let column = (0.5 + libm::atan2(unit.z, unit.x) / (2.0 * PI)) * 24.0 - 0.5;
+                let left = libm::floor(column);
+                let blend = column - left;
+                let left = (left as i64).rem_euclid(24) as usize;
+                rows.blend(unit.y, |row, share| {
+                    let value = input.texel(left, row) * (1.0 - blend)
+                        + input.texel((left + 1) % 24, row) * blend;
+                    sum += value * (share * weight);
+                });
+                area += weight;
+            }
+            let reference = sum / area;
+            let error = (super::super::cubemap::to_f64(cube[index]) - reference).length();
+            assert!(error < 2e-3 * reference.length(), "texel {index}: {error}");
+        }
+    }
+}
