@@ -1,0 +1,21 @@
+//! Bakes glTF 2.0 and an HDR environment into one Cairn package: import -> prepare -> encode -> write.
+
+pub mod args;
+pub mod diagnostic;
+pub mod encode;
+pub mod environment;
+pub mod import;
+pub mod materials;
+pub mod pipeline;
+pub mod prepare;
+pub mod progress;
+pub mod report;
+pub mod scene;
+pub mod sky;
+pub mod textures;
+pub mod write;
+
+pub use diagnostic::{BakeError, Diagnostic, Result, Severity};
+pub use pipeline::{Options, bake};
+pub use progress::{Progress, Silent};
+pub use report::Summary;

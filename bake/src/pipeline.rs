@@ -1,0 +1,380 @@
+//! The bake, top to bottom: import -> prepare -> encode -> write.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use cairn_format::bounds::to_arrays;
+use cairn_format::scene::{
+    self as root, Bounds, MaterialInfo, MipFilter, Provenance, ReportRow, Setting, SourceFile,
+};
+use cairn_format::{SectionKind, Writer, features};
+
+use crate::diagnostic::{BakeError, Result};
+use crate::encode::{EncodeOptions, Kernels, Quality};
+use crate::import::{EnvironmentImage, import, load_environment};
+use crate::materials::{self, Plan};
+use crate::prepare::{Prepared, prepare};
+use crate::progress::Progress;
+use crate::report::{Row, Section, Stage, Summary};
+use crate::scene::{Origin, Sampler, Scene, Source, Wrap};
+use crate::textures::{self, Texels};
+use crate::{sky, write};
+
+/// What to bake, and how.
+#[derive(Clone, Debug)]
+pub struct Options {
+    pub input: PathBuf,
+    pub environment: Option<PathBuf>,
+    pub output: PathBuf,
+    pub texture_quality: Quality,
+    /// Largest number of texels of one image.
+    pub limit_pixels: u64,
+}
+
+/// Bakes one package.
+///
+/// # Errors
+/// [`BakeError`] naming file, place and remedy; the output is then as it was.
+pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
+    let start = Instant::now();
+    let mut clock = Clock::default();
+    refuse_to_overwrite_an_input(options)?;
+
+    progress.update("import", 0.0);
+    let scene = import(&options.input)?;
+    let environment = options
+        .environment
+        .as_deref()
+        .map(load_environment)
+        .transpose()?;
+    clock.lap("import");
+
+    let prepared = prepare(&scene, &|fraction| progress.update("geometry", fraction))?;
+    let geometry_seconds = clock.lap("geometry");
+
+    let plan = materials::plan(&scene, &prepared.materials_used);
+    let encoding = EncodeOptions {
+        quality: options.texture_quality,
+        kernels: Kernels::Reproducible,
+        ..EncodeOptions::default()
+    };
+    let encoded = textures::encode_all(
+        &scene,
+        &plan,
+        &encoding,
+        options.limit_pixels,
+        &|fraction| {
+            progress.update("textures", fraction);
+        },
+    )?;
+    let mut texels = Texels::default();
+    let preset = format!("{:?}", options.texture_quality).to_lowercase();
+    let stored = textures::store(&mut texels, &scene, &plan, &encoded, &preset);
+    drop(encoded);
+    clock.lap("textures");
+
+    let light = store_environment(&mut texels, environment.as_ref(), &prepared, progress);
+    clock.lap("environment");
+
+    progress.update("write", 0.0);
+    let root = assemble(
+        options,
+        &scene,
+        environment.as_ref(),
+        &prepared,
+        &plan,
+        &stored,
+        &texels,
+        light,
+    );
+    let bounds = to_arrays(&prepared.instance_bounds);
+    let writer = sections(&prepared, &plan, &bounds, &texels);
+    let (package_bytes, content_hash) = write::write(&options.output, &writer, &root)?;
+    clock.lap("write");
+    progress.update("write", 1.0);
+
+    let mut summary = summarize(options, &scene, &prepared, &root, &writer, geometry_seconds);
+    summary.diagnostics.extend(
+        environment
+            .map(|image| image.diagnostics)
+            .unwrap_or_default(),
+    );
+    summary.report.extend(texels.report);
+    summary.package_bytes = package_bytes;
+    summary.content_hash = hex(&content_hash);
+    summary.stages = clock.stages;
+    summary.seconds = start.elapsed().as_secs_f64();
+    Ok(summary)
+}
+
+/// Wall times of the stages.
+struct Clock {
+    last: Instant,
+    stages: Vec<Stage>,
+}
+
+impl Default for Clock {
+    fn default() -> Self {
+        Self {
+            last: Instant::now(),
+            stages: Vec::new(),
+        }
+    }
+}
+
+impl Clock {
+    fn lap(&mut self, name: &'static str) -> f64 {
+        let seconds = self.last.elapsed().as_secs_f64();
+        self.last = Instant::now();
+        self.stages.push(Stage { name, seconds });
+        seconds
+    }
+}
+
+fn refuse_to_overwrite_an_input(options: &Options) -> Result<()> {
+    let Ok(output) = options.output.canonicalize() else {
+        return Ok(());
+    };
+    let inputs = [Some(&options.input), options.environment.as_ref()];
+    let same = |input: &&PathBuf| input.canonicalize().is_ok_and(|input| input == output);
+    match inputs.into_iter().flatten().find(same) {
+        Some(input) => {
+            let origin = Origin {
+                file: input.display().to_string(),
+                pointer: String::new(),
+            };
+            Err(BakeError::input(
+                "output-is-input",
+                &origin,
+                "the output would overwrite this input; choose another -o",
+            ))
+        }
+        None => Ok(()),
+    }
+}
+
+/// The environment's root record and the index of the BRDF table.
+type StoredLight = (Option<root::Environment>, Option<u32>);
+
+fn store_environment(
+    texels: &mut Texels,
+    image: Option<&EnvironmentImage>,
+    prepared: &Prepared,
+    progress: &dyn Progress,
+) -> StoredLight {
+    let environment = image.map(|image| {
+        let products = sky::bake(image, &|stage, fraction| {
+            progress.update(&format!("environment: {stage}"), fraction);
+        });
+        sky::store(texels, image, &products)
+    });
+    let lit = environment.is_some() || !prepared.lights.is_empty();
+    let lut = lit.then(|| sky::store_lut(texels));
+    (environment, lut)
+}
+
+fn sections<'a>(
+    prepared: &'a Prepared,
+    plan: &'a Plan,
+    bounds: &'a [f32],
+    texels: &'a Texels,
+) -> Writer<'a> {
+    let mut writer = Writer::new();
+    writer
+        .records(SectionKind::Vertices, &prepared.vertices)
+        .bytes(
+            SectionKind::Indices,
+            bytemuck::cast_slice::<_, u8>(&prepared.indices),
+        )
+        .records(SectionKind::Instances, &prepared.instances)
+        .bytes(
+            SectionKind::InstanceBounds,
+            bytemuck::cast_slice::<_, u8>(bounds),
+        )
+        .records(SectionKind::DrawGroups, &prepared.draw_groups)
+        .records(SectionKind::MeshInstances, &prepared.mesh_instances)
+        .records(SectionKind::Materials, &plan.materials)
+        .records(SectionKind::DirectionalLights, &prepared.directional_lights)
+        .bytes(SectionKind::Texels, texels.bytes.as_slice());
+    writer
+}
+
+#[allow(clippy::too_many_arguments)]
+fn assemble(
+    options: &Options,
+    scene: &Scene,
+    environment: Option<&EnvironmentImage>,
+    prepared: &Prepared,
+    plan: &Plan,
+    stored: &[u32],
+    texels: &Texels,
+    (light, brdf_lut): StoredLight,
+) -> root::Scene {
+    let environment_bit = if light.is_some() {
+        features::ENVIRONMENT
+    } else {
+        0
+    };
+    let textures = plan.slots.iter().map(|slot| root::Texture {
+        image: stored[slot.image as usize],
+        sampler: slot.sampler,
+    });
+    let bounds = if prepared.bounds.is_empty() {
+        Bounds::ZERO
+    } else {
+        Bounds {
+            min: prepared.bounds.min.to_array(),
+            max: prepared.bounds.max.to_array(),
+        }
+    };
+    root::Scene {
+        name: scene.name.clone(),
+        features: prepared.features | plan.features | environment_bit,
+        bounds,
+        meshes: prepared.meshes.clone(),
+        primitives: prepared.primitives.clone(),
+        materials: plan
+            .names
+            .iter()
+            .map(|name| MaterialInfo { name: name.clone() })
+            .collect(),
+        textures: textures.collect(),
+        images: texels.images.clone(),
+        samplers: plan.samplers.iter().map(sampler).collect(),
+        lights: prepared.lights.clone(),
+        cameras: prepared.cameras.clone(),
+        environment: light,
+        brdf_lut,
+        provenance: provenance(options, scene, environment),
+        report: prepared.report.iter().cloned().chain(texels.report.iter().map(report_row)).collect(),
+    }
+}
+
+fn sampler(sampler: &Sampler) -> root::Sampler {
+    let wrap = |wrap| match wrap {
+        Wrap::Repeat => root::Wrap::Repeat,
+        Wrap::MirroredRepeat => root::Wrap::MirroredRepeat,
+        Wrap::ClampToEdge => root::Wrap::ClampToEdge,
+    };
+    root::Sampler {
+        mag_linear: sampler.mag_linear,
+        min_linear: sampler.min_linear,
+        mip: match sampler.mip_linear {
+            None => MipFilter::None,
+            Some(false) => MipFilter::Nearest,
+            Some(true) => MipFilter::Linear,
+        },
+        wrap_u: wrap(sampler.wrap_u),
+        wrap_v: wrap(sampler.wrap_v),
+    }
+}
+
+fn provenance(
+    options: &Options,
+    scene: &Scene,
+    environment: Option<&EnvironmentImage>,
+) -> Provenance {
+    let setting = |name: &str, value: String| Setting {
+        name: name.into(),
+        value,
+    };
+    let file = |source: &Source, path: String| SourceFile {
+        path,
+        bytes: source.bytes,
+        hash: source.hash,
+    };
+    let mut sources: Vec<SourceFile> = scene
+        .sources
+        .iter()
+        .map(|source| file(source, source.path.clone()))
+        .collect();
+    // Only the file name: where a panorama lies must not change the bytes.
+    sources.extend(environment.map(|image| {
+        let name = options
+            .environment
+            .as_deref()
+            .and_then(|path| path.file_name())
+            .unwrap_or_default();
+        file(&image.source, name.to_string_lossy().into_owned())
+    }));
+    Provenance {
+        tool: tool(),
+        settings: vec![setting(
+            "texture-quality",
+            format!("{:?}", options.texture_quality).to_lowercase(),
+        )],
+        sources,
+    }
+}
+
+/// Name and version of this tool.
+pub fn tool() -> String {
+    concat!("cairn-bake ", env!("CARGO_PKG_VERSION")).into()
+}
+
+fn report_row(row: &crate::report::Row) -> ReportRow {
+    ReportRow {
+        stage: row.stage.clone(),
+        item: row.item.clone(),
+        setting: row.setting.clone(),
+        metric: row.metric.clone(),
+        error: row.error,
+        bytes: row.bytes,
+    }
+}
+
+fn summarize(
+    options: &Options,
+    scene: &Scene,
+    prepared: &Prepared,
+    root: &root::Scene,
+    writer: &Writer,
+    geometry_seconds: f64,
+) -> Summary {
+    let section = |(kind, bytes): (SectionKind, u64)| Section {
+        name: kind.name(),
+        bytes,
+    };
+    Summary {
+        input: options.input.display().to_string(),
+        output: options.output.display().to_string(),
+        tool: tool(),
+        triangles: prepared.indices.len() as u64 / 3,
+        vertices: prepared.vertices.len() as u64,
+        meshes: root.meshes.len() as u64,
+        primitives: root.primitives.len() as u64,
+        instances: prepared.instances.len() as u64,
+        draw_groups: prepared.draw_groups.len() as u64,
+        materials: root.materials.len() as u64,
+        textures: root.textures.len() as u64,
+        images: root.images.len() as u64,
+        lights: root.lights.len() as u64,
+        cameras: root.cameras.len() as u64,
+        features: features::names(root.features),
+        sections: writer.section_bytes().map(section).collect(),
+        geometry: prepared.stats,
+        report: prepared.report.iter().map(|row| geometry_row(row, geometry_seconds)).collect(),
+        diagnostics: scene.diagnostics.iter().chain(&prepared.diagnostics).cloned().collect(),
+        ..Summary::default()
+    }
+}
+
+/// Geometry is measured as a whole: each of its rows states the stage's time.
+fn geometry_row(row: &ReportRow, seconds: f64) -> Row {
+    Row {
+        stage: row.stage.clone(),
+        item: row.item.clone(),
+        setting: row.setting.clone(),
+        seconds,
+        throughput: None,
+        throughput_unit: "",
+        metric: row.metric.clone(),
+        error: row.error,
+        bytes: row.bytes,
+    }
+}
+
+/// Lower-case hexadecimal.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,230 @@
+//! What a bake did: counts, bytes, seconds, and the error of every lossy step beside its time.
+
+use std::fmt::Write;
+
+use serde::Serialize;
+
+use crate::diagnostic::Diagnostic;
+use crate::prepare::GeometryStats;
+
+/// One row of the speed-against-error report.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    pub stage: String,
+    /// The object, such as an image's name.
+    pub item: String,
+    /// Format and preset.
+    pub setting: String,
+    pub seconds: f64,
+    /// In `throughput_unit`; absent where it has no meaning.
+    pub throughput: Option<f64>,
+    pub throughput_unit: &'static str,
+    /// Name and unit of the error.
+    pub metric: String,
+    pub error: f64,
+    pub bytes: u64,
+}
+
+/// Wall time of a stage.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Stage {
+    pub name: &'static str,
+    pub seconds: f64,
+}
+
+/// Bytes of a section.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Section {
+    pub name: &'static str,
+    pub bytes: u64,
+}
+
+/// The result of a bake.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Summary {
+    pub input: String,
+    pub output: String,
+    pub tool: String,
+    pub triangles: u64,
+    pub vertices: u64,
+    pub meshes: u64,
+    pub primitives: u64,
+    pub instances: u64,
+    pub draw_groups: u64,
+    pub materials: u64,
+    pub textures: u64,
+    pub images: u64,
+    pub lights: u64,
+    pub cameras: u64,
+    pub features: Vec<&'static str>,
+    pub sections: Vec<Section>,
+    pub package_bytes: u64,
+    /// BLAKE3 of header, section table and root, which holds the hash of every section.
+    pub content_hash: String,
+    pub stages: Vec<Stage>,
+    pub geometry: GeometryStats,
+    pub report: Vec<Row>,
+    pub diagnostics: Vec<Diagnostic>,
+    pub seconds: f64,
+}
+
+impl Summary {
+    /// The summary as text for a terminal; `verbose` adds every row of the report.
+    pub fn text(&self, verbose: bool) -> String {
+        let mut text = String::new();
+        self.write(&mut text, verbose).unwrap_or_default();
+        text
+    }
+
+    fn write(&self, out: &mut String, verbose: bool) -> std::fmt::Result {
+        writeln!(out, "{} -> {}", self.input, self.output)?;
+        writeln!(
+            out,
+            "  {} triangles, {} vertices in {} primitives of {} meshes; {} instances in {} draw groups",
+            self.triangles,
+            self.vertices,
+            self.primitives,
+            self.meshes,
+            self.instances,
+            self.draw_groups
+        )?;
+        writeln!(
+            out,
+            "  {} materials, {} textures of {} images, {} lights, {} cameras; {}",
+            self.materials,
+            self.textures,
+            self.images,
+            self.lights,
+            self.cameras,
+            if self.features.is_empty() {
+                "no features".into()
+            } else {
+                self.features.join(", ")
+            }
+        )?;
+        for section in &self.sections {
+            writeln!(out, "  {:<20}{:>14}", section.name, bytes(section.bytes))?;
+        }
+        writeln!(
+            out,
+            "  {:<20}{:>14}  blake3 {}",
+            "package",
+            bytes(self.package_bytes),
+            self.content_hash
+        )?;
+        for stage in &self.stages {
+            writeln!(out, "  {:<20}{:>12.3} s", stage.name, stage.seconds)?;
+        }
+        writeln!(out, "  {:<20}{:>12.3} s", "total", self.seconds)?;
+        if verbose {
+            self.write_report(out)?;
+        } else {
+            self.write_worst(out)?;
+        }
+        Ok(())
+    }
+
+    fn write_report(&self, out: &mut String) -> std::fmt::Result {
+        for row in &self.report {
+            let throughput = row.throughput.map_or_else(String::new, |value| {
+                format!("{value:.2} {}", row.throughput_unit)
+            });
+            writeln!(
+                out,
+                "  {:<12} {:<28} {:<24} {:>9.3} s {:>16} {:>12} {:<32} {:>12}",
+                row.stage,
+                row.item,
+                row.setting,
+                row.seconds,
+                throughput,
+                number(row.error),
+                row.metric,
+                bytes(row.bytes)
+            )?;
+        }
+        Ok(())
+    }
+
+    /// The row with the greatest error of every metric (the least for PSNR).
+    fn write_worst(&self, out: &mut String) -> std::fmt::Result {
+        let mut metrics: Vec<&str> = Vec::new();
+        for row in &self.report {
+            if !metrics.contains(&row.metric.as_str()) {
+                metrics.push(&row.metric);
+            }
+        }
+        for metric in metrics {
+            let rows = self.report.iter().filter(|row| row.metric == metric);
+            let worst = if metric.contains("psnr") {
+                rows.min_by(|a, b| a.error.total_cmp(&b.error))
+            } else {
+                rows.max_by(|a, b| a.error.total_cmp(&b.error))
+            };
+            if let Some(row) = worst {
+                writeln!(
+                    out,
+                    "  worst {metric}: {} ({} {})",
+                    number(row.error),
+                    row.stage,
+                    row.item
+                )?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn number(value: f64) -> String {
+    if value == 0.0 || (1e-2..1e6).contains(&value.abs()) {
+        format!("{value:.3}")
+    } else {
+        format!("{value:.2e}")
+    }
+}
+
+fn bytes(count: u64) -> String {
+    match count {
+        0..10_000 => format!("{count} B"),
+        10_000..10_000_000 => format!("{:.1} kB", count as f64 / 1e3),
+        _ => format!("{:.2} MB", count as f64 / 1e6),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(metric: &str, item: &str, error: f64) -> Row {
+        Row {
+            stage: "texture".into(),
+            item: item.into(),
+            setting: "bc7".into(),
+            seconds: 0.1,
+            throughput: None,
+            throughput_unit: "",
+            metric: metric.into(),
+            error,
+            bytes: 16,
+        }
+    }
+
+    #[test]
+    fn the_worst_psnr_is_the_least() {
+        let summary = Summary {
+            report: vec![
+                row("psnr dB", "good", 50.0),
+                row("psnr dB", "bad", 30.0),
+                row("rms", "far", 0.5),
+                row("rms", "near", 0.1),
+            ],
+            ..Summary::default()
+        };
+        let text = summary.text(false);
+        assert!(
+            text.contains("worst psnr dB: 30.000 (texture bad)"),
+            "{text}"
+        );
+        assert!(text.contains("worst rms: 0.500 (texture far)"), "{text}");
+        assert_eq!(summary.text(true).matches("bc7").count(), 4);
+    }
+}
