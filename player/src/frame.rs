@@ -1,0 +1,378 @@
+//! The frame: the ordered list of passes, and the per-frame data that they read.
+
+use cairn_format::gpu::{ALPHA_BLEND, ALPHA_MASK, GlobalUniform, NO_TEXTURE};
+use cairn_format::{Frustum, Package, SectionKind};
+use glam::Mat4;
+
+use crate::PlayerError;
+use crate::camera::Camera;
+use crate::draw::{DrawList, DrawStats};
+use crate::gpu::{
+    Buffer, BufferDesc, Commands, DescriptorSet, FRAMES_IN_FLIGHT, FrameTarget, Gpu, GpuResult,
+    Layouts, Memory, Sampler, SamplerDesc, SetIndex, vk,
+};
+use crate::graph::{Graph, Handle, Usage};
+use crate::passes::forward::Forward;
+use crate::passes::skybox::Skybox;
+use crate::passes::tonemap::Tonemap;
+use crate::passes::transparent::Transparent;
+use crate::passes::{DEPTH_FORMAT, HDR_FORMAT, Variant};
+use crate::scene::GpuScene;
+use crate::settings::Settings;
+
+/// Draws packages into images of one format and size.
+pub struct Renderer {
+    gpu: Gpu,
+    layouts: Layouts,
+    variant: Variant,
+    passes: Passes,
+    graph: Graph,
+    hdr: Handle,
+    depth: Handle,
+    target: Handle,
+    nearest: Sampler,
+    targets: DescriptorSet,
+    slots: Vec<Slot>,
+    draws: DrawList,
+    previous_view_projection: Option<Mat4>,
+    frame_index: u32,
+}
+
+/// The passes of this package; what it does not need is absent.
+struct Passes {
+    forward: Forward,
+    skybox: Option<Skybox>,
+    transparent: Option<Transparent>,
+    tonemap: Tonemap,
+}
+
+/// What the CPU writes while the GPU still reads the other slot.
+struct Slot {
+    uniform: Buffer,
+    visible: Buffer,
+    set: DescriptorSet,
+}
+
+impl Renderer {
+    /// Builds passes and targets. `target_format` is the sRGB format of the images that `record` gets.
+    ///
+    /// # Errors
+    /// [`PlayerError::Input`] where draw groups share instances; failures of Vulkan.
+    pub fn new(
+        gpu: &Gpu,
+        scene: &GpuScene,
+        package: &Package,
+        target_format: vk::Format,
+        extent: [u32; 2],
+        settings: &Settings,
+    ) -> Result<Self, PlayerError> {
+        let variant = variant(scene, package, settings)?;
+        let mut graph = Graph::new(extent);
+        let color_usage = vk::ImageUsageFlags::COLOR_ATTACHMENT
+            | vk::ImageUsageFlags::SAMPLED
+            | vk::ImageUsageFlags::TRANSFER_SRC;
+        let depth_usage = vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT;
+        let hdr = graph.image(gpu, "hdr", HDR_FORMAT, color_usage)?;
+        let depth = graph.image(gpu, "depth", DEPTH_FORMAT, depth_usage)?;
+        let target = graph.imported("target");
+        let nearest = Sampler::new(gpu, "nearest clamp", &SamplerDesc::NEAREST_CLAMP)?;
+        let capacity = visible_capacity(package)?;
+        let slots: GpuResult<Vec<Slot>> = (0..FRAMES_IN_FLIGHT)
+            .map(|_| Slot::new(gpu, scene, capacity))
+            .collect();
+        Ok(Self {
+            passes: Passes::new(gpu, &scene.layouts, &variant, target_format)?,
+            targets: targets_set(&scene.layouts, &graph, hdr, &nearest)?,
+            slots: slots?,
+            gpu: gpu.clone(),
+            layouts: scene.layouts.clone(),
+            variant,
+            graph,
+            hdr,
+            depth,
+            target,
+            nearest,
+            draws: DrawList::default(),
+            previous_view_projection: None,
+            frame_index: 0,
+        })
+    }
+
+    /// Replaces the targets by ones of another size.
+    ///
+    /// # Errors
+    /// Failures of Vulkan.
+    pub fn resize(&mut self, gpu: &Gpu, extent: [u32; 2]) -> Result<(), PlayerError> {
+        self.graph.resize(gpu, extent)?;
+        self.targets = targets_set(&self.layouts, &self.graph, self.hdr, &self.nearest)?;
+        Ok(())
+    }
+
+    /// Records one frame into `target`, which has the renderer's extent.
+    ///
+    /// # Errors
+    /// A package that changed on disk; failures of Vulkan.
+    pub fn record(
+        &mut self,
+        commands: &mut Commands,
+        scene: &GpuScene,
+        package: &Package,
+        camera: &Camera,
+        settings: &Settings,
+        target: FrameTarget<'_>,
+    ) -> Result<(), PlayerError> {
+        self.follow_settings(settings)?;
+        self.update(commands.slot(), scene, package, camera, settings)?;
+        let slot = &self.slots[commands.slot()];
+        bind(commands, scene, slot, &self.targets);
+
+        let (passes, draws) = (&self.passes, &self.draws);
+        let (hdr, depth, output) = (self.hdr, self.depth, self.target);
+        let mut frame = self.graph.begin(commands, Some((output, target)));
+
+        let uses = [(hdr, Usage::ColorClear), (depth, Usage::DepthClear)];
+        frame.pass(c"forward", &uses, |commands, images| {
+            let (hdr, depth) = (images.get(hdr), images.get(depth));
+            let (opaque, masked) = (&draws.opaque, &draws.masked);
+            passes.forward.record(commands, hdr, depth, opaque, masked);
+        });
+        let uses = [(hdr, Usage::Color), (depth, Usage::Depth)];
+        if let Some(skybox) = passes.skybox.as_ref().filter(|_| settings.skybox) {
+            frame.pass(c"skybox", &uses, |commands, images| {
+                skybox.record(commands, images.get(hdr), images.get(depth));
+            });
+        }
+        if let Some(transparent) = &passes.transparent {
+            frame.pass(c"transparent", &uses, |commands, images| {
+                transparent.record(commands, images.get(hdr), images.get(depth), &draws.blend);
+            });
+        }
+        let uses = [(hdr, Usage::Sampled), (output, Usage::ColorClear)];
+        frame.pass(c"tonemap", &uses, |commands, images| {
+            let (layouts, output) = (&scene.layouts, images.get(output));
+            passes
+                .tonemap
+                .record(commands, layouts, output, settings.tonemap);
+        });
+        frame.finish();
+        Ok(())
+    }
+
+    /// Copies the HDR image that the last `record` drew: rows of RGBA half floats.
+    pub fn copy_hdr(&mut self, commands: &mut Commands, buffer: &Buffer) {
+        let hdr = self.hdr;
+        let mut frame = self.graph.begin(commands, None);
+        frame.pass(
+            c"copy hdr",
+            &[(hdr, Usage::CopySource)],
+            |commands, images| {
+                commands.copy_image_to_buffer(images.get(hdr), 0, 0, buffer, 0);
+            },
+        );
+    }
+
+    /// What the last `record` drew.
+    pub fn draw_stats(&self) -> DrawStats {
+        self.draws.stats()
+    }
+
+    /// Rebuilds pipelines where a setting is compiled into them.
+    fn follow_settings(&mut self, settings: &Settings) -> GpuResult<()> {
+        if self.variant.brdf != settings.brdf {
+            self.variant.brdf = settings.brdf;
+            self.passes
+                .rebuild_surfaces(&self.gpu, &self.layouts, &self.variant)?;
+        }
+        Ok(())
+    }
+
+    /// Culls, and fills this slot's buffers.
+    fn update(
+        &mut self,
+        slot: usize,
+        scene: &GpuScene,
+        package: &Package,
+        camera: &Camera,
+        settings: &Settings,
+    ) -> Result<(), PlayerError> {
+        let extent = self.graph.extent();
+        let mut uniform = camera_uniform(camera, extent);
+        let view_projection = Mat4::from_cols_array_2d(&uniform.view_projection);
+        let previous = self.previous_view_projection.unwrap_or(view_projection);
+        uniform.prev_view_projection = previous.to_cols_array_2d();
+        uniform.frame_index = self.frame_index;
+        fill_scene(&mut uniform, scene);
+        fill_settings(&mut uniform, settings);
+        self.previous_view_projection = Some(view_projection);
+        self.frame_index = self.frame_index.wrapping_add(1);
+
+        let (groups, bounds) = (package.draw_groups()?, package.instance_bounds()?);
+        let frustum = Frustum::from_view_projection(&view_projection);
+        self.draws.build(groups, &bounds, &frustum, camera.position);
+        let slot = &mut self.slots[slot];
+        slot.uniform.write(0, &[uniform])?;
+        slot.visible.write(0, &self.draws.visible)?;
+        Ok(())
+    }
+}
+
+impl Passes {
+    fn new(
+        gpu: &Gpu,
+        layouts: &Layouts,
+        variant: &Variant,
+        target_format: vk::Format,
+    ) -> GpuResult<Self> {
+        let skybox = variant.environment.then(|| Skybox::new(gpu, layouts));
+        Ok(Self {
+            forward: Forward::new(gpu, layouts, variant)?,
+            skybox: skybox.transpose()?,
+            transparent: transparent(gpu, layouts, variant)?,
+            tonemap: Tonemap::new(gpu, layouts, target_format)?,
+        })
+    }
+
+    fn rebuild_surfaces(
+        &mut self,
+        gpu: &Gpu,
+        layouts: &Layouts,
+        variant: &Variant,
+    ) -> GpuResult<()> {
+        self.forward = Forward::new(gpu, layouts, variant)?;
+        self.transparent = transparent(gpu, layouts, variant)?;
+        Ok(())
+    }
+}
+
+fn transparent(gpu: &Gpu, layouts: &Layouts, variant: &Variant) -> GpuResult<Option<Transparent>> {
+    let pass = variant
+        .blended
+        .then(|| Transparent::new(gpu, layouts, variant));
+    pass.transpose()
+}
+
+impl Slot {
+    fn new(gpu: &Gpu, scene: &GpuScene, visible: u64) -> GpuResult<Self> {
+        let uniform = Buffer::new(
+            gpu,
+            &BufferDesc {
+                name: "global uniform",
+                size: size_of::<GlobalUniform>() as u64,
+                usage: vk::BufferUsageFlags::UNIFORM_BUFFER,
+                memory: Memory::Upload,
+            },
+        )?;
+        let visible = Buffer::new(
+            gpu,
+            &BufferDesc {
+                name: "visible instances",
+                size: visible.max(1) * 4,
+                usage: vk::BufferUsageFlags::VERTEX_BUFFER,
+                memory: Memory::Upload,
+            },
+        )?;
+        let mut set = scene.layouts.allocate(SetIndex::Frame, "frame")?;
+        set.write_buffer(0, &uniform)?;
+        set.write_buffer(1, &scene.lights)?;
+        set.write_buffer(2, &scene.materials)?;
+        set.write_buffer(3, &scene.instances)?;
+        Ok(Self {
+            uniform,
+            visible,
+            set,
+        })
+    }
+}
+
+fn targets_set(
+    layouts: &Layouts,
+    graph: &Graph,
+    hdr: Handle,
+    sampler: &Sampler,
+) -> GpuResult<DescriptorSet> {
+    let mut set = layouts.allocate(SetIndex::Targets, "targets")?;
+    set.write_image(0, 0, graph.owned(hdr), sampler);
+    Ok(set)
+}
+
+fn bind(commands: &mut Commands, scene: &GpuScene, slot: &Slot, targets: &DescriptorSet) {
+    let sets = [&slot.set, &scene.bindless, targets];
+    commands.bind_sets(&scene.layouts, vk::PipelineBindPoint::GRAPHICS, &sets);
+    if let (Some(vertices), Some(indices)) = (&scene.vertices, &scene.indices) {
+        commands.bind_vertex_buffer(0, vertices, 0);
+        commands.bind_vertex_buffer(1, &slot.visible, 0);
+        commands.bind_index_buffer(indices);
+    }
+}
+
+/// The choices come from the draw groups, not from the feature bits that the bake wrote beside them.
+fn variant(
+    scene: &GpuScene,
+    package: &Package,
+    settings: &Settings,
+) -> Result<Variant, PlayerError> {
+    let groups = package.draw_groups()?;
+    let has = |mode: u32| groups.iter().any(|group| group.alpha_mode == mode);
+    Ok(Variant {
+        masked: has(ALPHA_MASK),
+        blended: has(ALPHA_BLEND),
+        environment: scene.environment.is_some(),
+        brdf_lut: scene.brdf_lut_slot.is_some(),
+        lights: scene.light_count > 0,
+        brdf: settings.brdf,
+    })
+}
+
+/// Most instances that a view can show. Each belongs to one group, so a sum above the number of instances would
+/// let a small file ask for any amount of memory.
+fn visible_capacity(package: &Package) -> Result<u64, PlayerError> {
+    let instances = package.count(SectionKind::Instances);
+    let groups = package.draw_groups()?;
+    let drawn: u64 = groups
+        .iter()
+        .map(|group| u64::from(group.instance_count))
+        .sum();
+    if drawn > instances {
+        return Err(PlayerError::Input(format!(
+            "draw groups hold {drawn} instances, but the package has {instances}"
+        )));
+    }
+    Ok(drawn)
+}
+
+/// Matrices and exposure-free camera fields; the rest is neutral.
+fn camera_uniform(camera: &Camera, extent: [u32; 2]) -> GlobalUniform {
+    let [width, height] = extent.map(|size| size as f32);
+    let (view, projection) = (camera.view(), camera.projection(width / height));
+    let view_projection = projection * view;
+    GlobalUniform {
+        view: view.to_cols_array_2d(),
+        projection: projection.to_cols_array_2d(),
+        view_projection: view_projection.to_cols_array_2d(),
+        inv_view_projection: view_projection.inverse().to_cols_array_2d(),
+        inv_projection: projection.inverse().to_cols_array_2d(),
+        inv_view: view.inverse().to_cols_array_2d(),
+        camera_position_and_exposure: camera.position.extend(1.0).to_array(),
+        screen_size: [width, height],
+        ..GlobalUniform::default()
+    }
+}
+
+fn fill_scene(uniform: &mut GlobalUniform, scene: &GpuScene) {
+    let environment = scene.environment.as_ref();
+    let slot = |index: Option<u32>| index.unwrap_or(NO_TEXTURE);
+    uniform.directional_light_count = scene.light_count;
+    uniform.brdf_lut_index = slot(scene.brdf_lut_slot);
+    uniform.skybox_cubemap_index = slot(environment.map(|slots| slots.sky));
+    uniform.irradiance_cubemap_index = slot(environment.map(|slots| slots.irradiance));
+    uniform.prefiltered_cubemap_index = slot(environment.map(|slots| slots.prefiltered));
+    uniform.prefiltered_mip_count = environment.map_or(1, |slots| slots.prefiltered_levels);
+}
+
+fn fill_settings(uniform: &mut GlobalUniform, settings: &Settings) {
+    uniform.camera_position_and_exposure[3] = settings.ev.exp2();
+    uniform.ibl_intensity = settings.ibl_intensity;
+    uniform.ibl_rotation_sin = settings.ibl_yaw.sin();
+    uniform.ibl_rotation_cos = settings.ibl_yaw.cos();
+    uniform.debug_render_mode = settings.debug_view;
+}

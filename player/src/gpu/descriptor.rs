@@ -1,0 +1,291 @@
+//! Descriptor set layouts 0 (frame), 1 (bindless textures) and 2 (render targets), and the sets made from them.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::buffer::Buffer;
+use super::device::{Gpu, Shared};
+use super::error::{GpuError, GpuResult};
+use super::image::{ImageRef, Sampler};
+use super::queue::Garbage;
+
+/// Bytes of push constants: what every Vulkan device has.
+pub(super) const PUSH_CONSTANT_BYTES: u32 = 128;
+/// Stages that see them.
+pub(super) const PUSH_CONSTANT_STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
+    vk::ShaderStageFlags::VERTEX.as_raw()
+        | vk::ShaderStageFlags::FRAGMENT.as_raw()
+        | vk::ShaderStageFlags::COMPUTE.as_raw(),
+);
+
+/// The sets of every pipeline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SetIndex {
+    /// b0 global uniform, b1 lights, b2 materials, b3 instances.
+    Frame = 0,
+    /// b0 2D textures, b1 cubes.
+    Bindless = 1,
+    /// b0 HDR colour.
+    Targets = 2,
+}
+
+/// The set layouts of one package, and the pipeline layout of all three.
+#[derive(Clone)]
+pub struct Layouts(Arc<LayoutObjects>);
+
+struct LayoutObjects {
+    shared: Arc<Shared>,
+    sets: [vk::DescriptorSetLayout; 3],
+    pipeline: vk::PipelineLayout,
+    /// Lengths of the two arrays of set 1.
+    bindless: [u32; 2],
+}
+
+/// A descriptor set with a pool of its own.
+pub struct DescriptorSet {
+    shared: Arc<Shared>,
+    /// Keeps the layout alive.
+    layouts: Layouts,
+    pool: vk::DescriptorPool,
+    raw: vk::DescriptorSet,
+    index: SetIndex,
+}
+
+type Bindings = [(vk::DescriptorType, u32); 4];
+const UNUSED: (vk::DescriptorType, u32) = (vk::DescriptorType::SAMPLER, 0);
+
+/// Type and array length of each binding; length 0 is no binding.
+fn bindings(index: SetIndex, bindless: [u32; 2]) -> Bindings {
+    let uniform = vk::DescriptorType::UNIFORM_BUFFER;
+    let storage = vk::DescriptorType::STORAGE_BUFFER;
+    let texture = vk::DescriptorType::COMBINED_IMAGE_SAMPLER;
+    match index {
+        SetIndex::Frame => [(uniform, 1), (storage, 1), (storage, 1), (storage, 1)],
+        SetIndex::Bindless => [
+            (texture, bindless[0]),
+            (texture, bindless[1]),
+            UNUSED,
+            UNUSED,
+        ],
+        SetIndex::Targets => [(texture, 1), UNUSED, UNUSED, UNUSED],
+    }
+}
+
+impl Layouts {
+    /// Layouts for a package with this many 2D textures and cubes; each array has at least one element.
+    ///
+    /// # Errors
+    /// `Limit` where the device cannot bind as many.
+    pub fn new(gpu: &Gpu, textures: u32, cubes: u32) -> GpuResult<Self> {
+        let shared = &gpu.shared;
+        let bindless = [textures.max(1), cubes.max(1)];
+        check_limits(shared, bindless)?;
+        // Built in place, so that an error half way drops what exists.
+        let mut objects = LayoutObjects {
+            shared: shared.clone(),
+            sets: [vk::DescriptorSetLayout::null(); 3],
+            pipeline: vk::PipelineLayout::null(),
+            bindless,
+        };
+        for index in [SetIndex::Frame, SetIndex::Bindless, SetIndex::Targets] {
+            objects.sets[index as usize] = create_set_layout(shared, index, bindless)?;
+        }
+        let ranges = [vk::PushConstantRange {
+            stage_flags: PUSH_CONSTANT_STAGES,
+            offset: 0,
+            size: PUSH_CONSTANT_BYTES,
+        }];
+        let info = vk::PipelineLayoutCreateInfo::default()
+            .set_layouts(&objects.sets)
+            .push_constant_ranges(&ranges);
+        // SAFETY: the device and the set layouts are alive.
+        objects.pipeline = unsafe { shared.device.create_pipeline_layout(&info, None) }
+            .map_err(GpuError::of("vkCreatePipelineLayout"))?;
+        Ok(Self(Arc::new(objects)))
+    }
+
+    pub(super) fn pipeline(&self) -> vk::PipelineLayout {
+        self.0.pipeline
+    }
+
+    /// Makes a set; its bindings are empty.
+    pub fn allocate(&self, index: SetIndex, name: &str) -> GpuResult<DescriptorSet> {
+        let shared = &self.0.shared;
+        let mut sizes = [vk::DescriptorPoolSize::default(); 4];
+        let mut count = 0;
+        for (ty, length) in bindings(index, self.0.bindless) {
+            if length > 0 {
+                sizes[count] = vk::DescriptorPoolSize {
+                    ty,
+                    descriptor_count: length,
+                };
+                count += 1;
+            }
+        }
+        let info = vk::DescriptorPoolCreateInfo::default()
+            .max_sets(1)
+            .pool_sizes(&sizes[..count]);
+        // SAFETY: the device is alive.
+        let pool = unsafe { shared.device.create_descriptor_pool(&info, None) }
+            .map_err(GpuError::of("vkCreateDescriptorPool"))?;
+        let mut set = DescriptorSet {
+            shared: shared.clone(),
+            layouts: self.clone(),
+            pool,
+            raw: vk::DescriptorSet::null(),
+            index,
+        };
+        let layouts = [self.0.sets[index as usize]];
+        let info = vk::DescriptorSetAllocateInfo::default()
+            .descriptor_pool(pool)
+            .set_layouts(&layouts);
+        // SAFETY: the pool has room for exactly this set.
+        let sets = unsafe { shared.device.allocate_descriptor_sets(&info) }
+            .map_err(GpuError::of("vkAllocateDescriptorSets"))?;
+        set.raw = sets.first().copied().unwrap_or_default();
+        shared.set_name(set.raw, name);
+        Ok(set)
+    }
+}
+
+impl Drop for LayoutObjects {
+    fn drop(&mut self) {
+        self.shared
+            .discard(Garbage::Layouts(self.pipeline, self.sets));
+    }
+}
+
+impl DescriptorSet {
+    pub(super) fn raw(&self) -> vk::DescriptorSet {
+        self.raw
+    }
+
+    pub(super) fn index(&self) -> SetIndex {
+        self.index
+    }
+
+    /// Binds a whole buffer.
+    ///
+    /// # Errors
+    /// `Limit` where it is larger than a shader may see.
+    pub fn write_buffer(&mut self, binding: u32, buffer: &Buffer) -> GpuResult<()> {
+        let (ty, _) = self.binding(binding);
+        let limits = &self.shared.limits;
+        let limit = match ty {
+            vk::DescriptorType::UNIFORM_BUFFER => limits.max_uniform_buffer_range,
+            _ => limits.max_storage_buffer_range,
+        };
+        if buffer.size() > u64::from(limit) {
+            return Err(GpuError::Limit {
+                what: format!("the buffer of set {}, binding {binding}", self.index as u32),
+                needed: buffer.size(),
+                limit: u64::from(limit),
+                device: self.shared.name.clone(),
+            });
+        }
+        let infos = [vk::DescriptorBufferInfo {
+            buffer: buffer.raw,
+            offset: 0,
+            range: vk::WHOLE_SIZE,
+        }];
+        let write = self.write(binding, 0).buffer_info(&infos);
+        // SAFETY: `&mut self` and the caller's care keep the set out of use; the buffer is alive.
+        unsafe { self.shared.device.update_descriptor_sets(&[write], &[]) };
+        Ok(())
+    }
+
+    /// Binds an image in `SHADER_READ_ONLY_OPTIMAL` at an array element.
+    pub fn write_image(
+        &mut self,
+        binding: u32,
+        element: u32,
+        image: ImageRef<'_>,
+        sampler: &Sampler,
+    ) {
+        let (_, length) = self.binding(binding);
+        assert!(element < length, "element {element} of {length}");
+        let infos = [vk::DescriptorImageInfo {
+            sampler: sampler.raw,
+            image_view: image.view,
+            image_layout: vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
+        }];
+        let write = self.write(binding, element).image_info(&infos);
+        // SAFETY: `&mut self` and the caller's care keep the set out of use; image and sampler are alive.
+        unsafe { self.shared.device.update_descriptor_sets(&[write], &[]) };
+    }
+
+    fn binding(&self, binding: u32) -> (vk::DescriptorType, u32) {
+        bindings(self.index, self.layouts.0.bindless)[binding as usize]
+    }
+
+    fn write(&self, binding: u32, element: u32) -> vk::WriteDescriptorSet<'static> {
+        vk::WriteDescriptorSet::default()
+            .dst_set(self.raw)
+            .dst_binding(binding)
+            .dst_array_element(element)
+            .descriptor_type(self.binding(binding).0)
+            .descriptor_count(1)
+    }
+}
+
+impl Drop for DescriptorSet {
+    fn drop(&mut self) {
+        self.shared.discard(Garbage::DescriptorPool(self.pool));
+    }
+}
+
+fn check_limits(shared: &Shared, bindless: [u32; 2]) -> GpuResult<()> {
+    // One more for the render target of set 2.
+    let needed = u64::from(bindless[0]) + u64::from(bindless[1]) + 1;
+    let limits = &shared.limits;
+    let limit = [
+        limits.max_per_stage_descriptor_sampled_images,
+        limits.max_per_stage_descriptor_samplers,
+        limits.max_descriptor_set_sampled_images,
+        limits.max_descriptor_set_samplers,
+    ];
+    let limit = u64::from(limit.into_iter().min().unwrap_or(0));
+    if needed > limit {
+        return Err(GpuError::Limit {
+            what: "the number of textures".into(),
+            needed,
+            limit,
+            device: shared.name.clone(),
+        });
+    }
+    Ok(())
+}
+
+fn create_set_layout(
+    shared: &Shared,
+    index: SetIndex,
+    bindless: [u32; 2],
+) -> GpuResult<vk::DescriptorSetLayout> {
+    let mut infos = [vk::DescriptorSetLayoutBinding::default(); 4];
+    let mut count = 0;
+    for (binding, (ty, length)) in (0..).zip(bindings(index, bindless)) {
+        if length > 0 {
+            infos[count] = vk::DescriptorSetLayoutBinding::default()
+                .binding(binding)
+                .descriptor_type(ty)
+                .descriptor_count(length)
+                .stage_flags(PUSH_CONSTANT_STAGES);
+            count += 1;
+        }
+    }
+    // A package without textures or environment leaves array elements empty; no shader reads those.
+    let partially = match index {
+        SetIndex::Bindless => vk::DescriptorBindingFlags::PARTIALLY_BOUND,
+        _ => vk::DescriptorBindingFlags::empty(),
+    };
+    let flags = [partially; 4];
+    let mut flags =
+        vk::DescriptorSetLayoutBindingFlagsCreateInfo::default().binding_flags(&flags[..count]);
+    let info = vk::DescriptorSetLayoutCreateInfo::default()
+        .bindings(&infos[..count])
+        .push_next(&mut flags);
+    // SAFETY: the device is alive and has partially bound descriptors enabled.
+    unsafe { shared.device.create_descriptor_set_layout(&info, None) }
+        .map_err(GpuError::of("vkCreateDescriptorSetLayout"))
+}

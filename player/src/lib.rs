@@ -1,0 +1,19 @@
+//! Maps a Cairn package and renders it: open -> upload -> cull -> record -> present.
+
+pub mod args;
+pub mod camera;
+pub mod camera_file;
+pub mod draw;
+pub mod error;
+pub mod frame;
+pub mod gpu;
+pub mod graph;
+pub mod headless;
+pub mod passes;
+pub mod png;
+pub mod scene;
+pub mod settings;
+#[cfg(feature = "window")]
+pub mod window;
+
+pub use error::PlayerError;

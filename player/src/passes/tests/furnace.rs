@@ -1,0 +1,93 @@
+//! White furnace: in light that is the same from everywhere, a white object cannot be seen.
+
+use cairn_format::gpu::Material;
+use glam::{Mat4, Vec3};
+
+use super::fixture::{Fixture, light, sphere};
+use super::{device, plain, shoot, texel, towards_origin};
+use crate::settings::{Brdf, Settings};
+
+const ROUGHNESSES: [f32; 5] = [0.0, 0.2, 0.5, 0.8, 1.0];
+
+/// A row of white spheres of rising roughness, metals above dielectrics.
+fn spheres() -> Fixture {
+    let mut fixture = Fixture {
+        lut: true,
+        environment: Some([[1.0; 3]; 6]),
+        ..Fixture::default()
+    };
+    for metallic in [0.0, 1.0] {
+        for (column, roughness) in ROUGHNESSES.iter().enumerate() {
+            let center = Vec3::new(column as f32 - 2.0, metallic - 0.5, 0.0);
+            let model = Mat4::from_translation(center) * Mat4::from_scale(Vec3::splat(0.45));
+            let material = fixture.materials.len() as u32;
+            fixture.objects.push(sphere(material, vec![model]));
+            fixture.materials.push(Material {
+                metallic_factor: metallic,
+                roughness_factor: *roughness,
+                ..Material::default()
+            });
+        }
+    }
+    fixture
+}
+
+#[test]
+fn energy_mode_closes_for_white_metals_and_dielectrics() {
+    let Some(gpu) = device() else { return };
+    let camera = towards_origin(Vec3::new(0.0, 0.0, 3.0));
+    let image = shoot(&gpu, &spheres(), [160, 80], camera, plain());
+    assert_eq!(image.draws.draws, 10);
+    for texel in image.hdr.iter().flatten() {
+        let worst = texel[..3]
+            .iter()
+            .fold(0.0_f32, |m, c| m.max((c - 1.0).abs()));
+        assert!(worst <= 0.01, "{texel:?} in a furnace of 1");
+    }
+}
+
+#[test]
+fn gltf_core_loses_what_single_scattering_loses() {
+    let Some(gpu) = device() else { return };
+    let camera = towards_origin(Vec3::new(0.0, 0.0, 3.0));
+    let settings = Settings {
+        brdf: Brdf::GltfCore,
+        ..plain()
+    };
+    for (fixture, radiance) in [(spheres(), 1.0), (without_table(), 0.1)] {
+        let image = shoot(&gpu, &fixture, [161, 81], camera, settings.clone());
+        // The middle of the roughest metal, where N.V is about 0.9.
+        let x = 80.5 + 2.0 / 3.0 / (0.5_f32).tan() * 40.5;
+        let y = 40.5 - 0.5 / 3.0 / (0.5_f32).tan() * 40.5;
+        let [red, ..] = texel(&image, x as u32, y as u32);
+        let [a, b, _] = super::twin::table(0.9, 1.0);
+        let found = f64::from(red) / radiance;
+        assert!((found - (a + b)).abs() < 0.03, "{found} for {}", a + b);
+    }
+}
+
+/// The spheres under the constant ambient radiance, with a light that is off.
+fn without_table() -> Fixture {
+    Fixture {
+        lut: false,
+        environment: None,
+        lights: vec![light(Vec3::NEG_Z, [1.0; 3], 0.0)],
+        ..spheres()
+    }
+}
+
+#[test]
+fn without_a_table_the_fit_closes_too() {
+    let Some(gpu) = device() else { return };
+    let camera = towards_origin(Vec3::new(0.0, 0.0, 3.0));
+    let image = shoot(&gpu, &without_table(), [160, 80], camera, plain());
+    let mut lit = 0;
+    for texel in image.hdr.iter().flatten().filter(|texel| texel[0] > 0.0) {
+        let worst = texel[..3]
+            .iter()
+            .fold(0.0_f32, |m, c| m.max((c - 0.1).abs()));
+        assert!(worst <= 0.001, "{texel:?} under an ambient of 0.1");
+        lit += 1;
+    }
+    assert!(lit > 1000, "{lit} pixels show a sphere");
+}

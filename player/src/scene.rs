@@ -1,0 +1,299 @@
+//! Copies a package to the GPU, and checks every record that the GPU will follow on the way.
+
+mod segments;
+mod textures;
+
+use cairn_format::gpu::{DirectionalLight, Instance, Material};
+use cairn_format::{Error, Package, Part, SectionKind, Vertex, check};
+
+use crate::PlayerError;
+use crate::gpu::{
+    Buffer, BufferDesc, DescriptorSet, Gpu, GpuResult, Layouts, Memory, SetIndex, UploadStats,
+    Uploader, vk,
+};
+use segments::Segments;
+use textures::Textures;
+
+/// Bytes of the buffer that stands for a section the package does not have: at least one record of every kind.
+const DUMMY_BYTES: usize = 256;
+
+/// The light of a package that has neither lights nor an environment: white, from above and behind the viewer.
+const FALLBACK_DIRECTION: glam::Vec3 = glam::Vec3::new(-0.5, -1.0, -0.6);
+const FALLBACK_INTENSITY: f32 = 3.0;
+
+/// A package on the GPU. What the package does not have is not created.
+pub struct GpuScene {
+    /// Vertex arena; absent where there is nothing to draw.
+    pub vertices: Option<Buffer>,
+    /// Index arena; absent where there is nothing to draw.
+    pub indices: Option<Buffer>,
+    /// Instance records; a dummy where the package has none, as the next two.
+    pub instances: Buffer,
+    /// Material records.
+    pub materials: Buffer,
+    /// Directional light records.
+    pub lights: Buffer,
+    /// Records in `lights`, the fallback light included.
+    pub light_count: u32,
+    /// Layouts for this package's number of textures.
+    pub layouts: Layouts,
+    /// Set 1, written.
+    pub bindless: DescriptorSet,
+    /// 2D slot of the BRDF table.
+    pub brdf_lut_slot: Option<u32>,
+    /// Cube slots.
+    pub environment: Option<EnvironmentSlots>,
+    /// What was copied.
+    pub stats: SceneStats,
+    /// Keeps what `bindless` refers to.
+    _textures: Textures,
+}
+
+/// Cube slots of the image-based light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EnvironmentSlots {
+    /// Radiance.
+    pub sky: u32,
+    /// Irradiance divided by pi.
+    pub irradiance: u32,
+    /// GGX-prefiltered radiance.
+    pub prefiltered: u32,
+    /// Levels of the prefiltered chain.
+    pub prefiltered_levels: u32,
+}
+
+/// What an upload copied, and how fast.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+pub struct SceneStats {
+    /// Bytes of each kind.
+    pub vertex_bytes: u64,
+    pub index_bytes: u64,
+    pub instance_bytes: u64,
+    pub material_bytes: u64,
+    pub light_bytes: u64,
+    pub texel_bytes: u64,
+    /// Objects made.
+    pub images: u32,
+    pub samplers: u32,
+    pub texture_slots: u32,
+    pub cube_slots: u32,
+    /// All bytes copied.
+    pub bytes: u64,
+    /// Submissions of the staging ring.
+    pub submissions: u32,
+    /// From the first byte to the last copy's end.
+    pub seconds: f64,
+    /// `bytes` over `seconds`, in units of 10^6 bytes.
+    pub megabytes_per_second: f64,
+}
+
+impl GpuScene {
+    /// Copies everything that rasterisation needs.
+    ///
+    /// # Errors
+    /// `Package` for a record that breaks a rule or a file that changed, `Gpu` where the device lacks a format,
+    /// a limit or memory.
+    pub fn upload(gpu: &Gpu, package: &Package) -> Result<Self, PlayerError> {
+        let mut uploader = Uploader::new(gpu)?;
+        let mut copy = Copy {
+            gpu,
+            uploader: &mut uploader,
+        };
+        let (vertices, indices) = geometry(&mut copy, package)?;
+        let instances = instances(&mut copy, package)?;
+        let materials = materials(&mut copy, package)?;
+        let (lights, light_count) = lights(&mut copy, package)?;
+        let buffer_bytes = copy.uploader.bytes();
+        let textures = Textures::upload(gpu, &mut uploader, package)?;
+        let stats = SceneStats {
+            texel_bytes: uploader.bytes() - buffer_bytes,
+            images: textures.images.len() as u32,
+            samplers: textures.samplers.len() as u32,
+            ..buffer_stats(package)
+        };
+        let (texture_slots, cube_slots) = textures.slot_counts(package);
+        let layouts = Layouts::new(gpu, texture_slots, cube_slots)?;
+        let mut bindless = layouts.allocate(SetIndex::Bindless, "bindless textures")?;
+        textures.bind(package, &mut bindless);
+        let stats = SceneStats {
+            texture_slots,
+            cube_slots,
+            ..with_upload(stats, uploader.finish()?)
+        };
+        Ok(Self {
+            vertices,
+            indices,
+            instances,
+            materials,
+            lights,
+            light_count,
+            layouts,
+            bindless,
+            brdf_lut_slot: textures::brdf_lut_slot(package),
+            environment: textures::environment_slots(package),
+            stats,
+            _textures: textures,
+        })
+    }
+
+    /// Whether the package has image-based light.
+    pub fn has_environment(&self) -> bool {
+        self.environment.is_some()
+    }
+}
+
+impl std::fmt::Display for SceneStats {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "{:.1} MB in {:.1} ms ({:.0} MB/s): {} images, {} samplers",
+            self.bytes as f64 / 1e6,
+            self.seconds * 1e3,
+            self.megabytes_per_second,
+            self.images,
+            self.samplers
+        )
+    }
+}
+
+/// Where copies go.
+struct Copy<'a> {
+    gpu: &'a Gpu,
+    uploader: &'a mut Uploader,
+}
+
+impl Copy<'_> {
+    /// A device buffer with `bytes`, which are records of `record` bytes, checked as they are copied.
+    fn buffer(
+        &mut self,
+        name: &str,
+        usage: vk::BufferUsageFlags,
+        bytes: &[u8],
+        record: usize,
+        check: impl FnMut(&[u8], u64) -> Result<(), PlayerError>,
+    ) -> Result<Buffer, PlayerError> {
+        let buffer = self.allocate(name, usage, bytes.len() as u64)?;
+        self.uploader.upload_buffer(&buffer, bytes, record, check)?;
+        Ok(buffer)
+    }
+
+    /// A storage buffer, of zeros where there are no records.
+    fn storage(
+        &mut self,
+        kind: SectionKind,
+        bytes: &[u8],
+        check: impl FnMut(&[u8], u64) -> Result<(), PlayerError>,
+    ) -> Result<Buffer, PlayerError> {
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
+        if bytes.is_empty() {
+            let zeros = [0; DUMMY_BYTES];
+            let unchecked = |_: &[u8], _| Ok(());
+            return self.buffer(kind.name(), usage, &zeros, DUMMY_BYTES, unchecked);
+        }
+        self.buffer(kind.name(), usage, bytes, kind.stride() as usize, check)
+    }
+
+    fn allocate(&self, name: &str, usage: vk::BufferUsageFlags, size: u64) -> GpuResult<Buffer> {
+        let desc = BufferDesc {
+            name,
+            size,
+            usage: usage | vk::BufferUsageFlags::TRANSFER_DST,
+            memory: Memory::Device,
+        };
+        Buffer::new(self.gpu, &desc)
+    }
+}
+
+type Geometry = (Option<Buffer>, Option<Buffer>);
+
+/// Vertex and index arenas; neither where one is missing.
+fn geometry(copy: &mut Copy<'_>, package: &Package) -> Result<Geometry, PlayerError> {
+    let vertices: &[u8] = bytemuck::cast_slice(package.vertices()?);
+    let indices: &[u8] = bytemuck::cast_slice(package.indices()?);
+    if vertices.is_empty() || indices.is_empty() {
+        return Ok((None, None));
+    }
+    let check_vertices = |bytes: &[u8], offset| {
+        let first = offset as usize / size_of::<Vertex>();
+        Ok(check::vertices(bytemuck::cast_slice(bytes), first)?)
+    };
+    let usage = vk::BufferUsageFlags::VERTEX_BUFFER;
+    let record = size_of::<Vertex>();
+    let vertices = copy.buffer("vertices", usage, vertices, record, check_vertices)?;
+    let mut segments = Segments::new(package);
+    let check_indices =
+        |bytes: &[u8], offset| Ok(segments.check(bytemuck::cast_slice(bytes), offset / 4)?);
+    let usage = vk::BufferUsageFlags::INDEX_BUFFER;
+    let indices = copy.buffer("indices", usage, indices, 4, check_indices)?;
+    Ok((Some(vertices), Some(indices)))
+}
+
+fn instances(copy: &mut Copy<'_>, package: &Package) -> Result<Buffer, PlayerError> {
+    let materials = package.count(SectionKind::Materials) as u32;
+    let bytes = bytemuck::cast_slice(package.instances()?);
+    copy.storage(SectionKind::Instances, bytes, |bytes, offset| {
+        let first = offset as usize / size_of::<Instance>();
+        let records = bytemuck::cast_slice(bytes);
+        Ok(check::instances(records, first, materials)?)
+    })
+}
+
+fn materials(copy: &mut Copy<'_>, package: &Package) -> Result<Buffer, PlayerError> {
+    let textures = package.scene().textures.len();
+    let bytes = bytemuck::cast_slice(package.materials()?);
+    copy.storage(SectionKind::Materials, bytes, |bytes, _| {
+        let records: &[Material] = bytemuck::cast_slice(bytes);
+        Ok(check::materials(records, textures)?)
+    })
+}
+
+/// Directional lights and their number.
+fn lights(copy: &mut Copy<'_>, package: &Package) -> Result<(Buffer, u32), PlayerError> {
+    let records = package.directional_lights()?;
+    let fallback = [fallback_light()];
+    let unlit = records.is_empty() && package.scene().environment.is_none();
+    let records = if unlit { &fallback[..] } else { records };
+    let kind = SectionKind::DirectionalLights;
+    let buffer = copy.storage(kind, bytemuck::cast_slice(records), |bytes, offset| {
+        let values: &[f32] = bytemuck::cast_slice(bytes);
+        if values.iter().all(|value| value.is_finite()) {
+            return Ok(());
+        }
+        let what = "a light is not finite";
+        Err(Error::corrupt(Part::Section(kind), offset, what).into())
+    })?;
+    Ok((buffer, records.len() as u32))
+}
+
+fn fallback_light() -> DirectionalLight {
+    let direction = FALLBACK_DIRECTION.normalize();
+    DirectionalLight {
+        direction_and_intensity: direction.extend(FALLBACK_INTENSITY).to_array(),
+        color_and_shadow: [1.0, 1.0, 1.0, 0.0],
+    }
+}
+
+fn buffer_stats(package: &Package) -> SceneStats {
+    let bytes = |kind: SectionKind| package.count(kind) * u64::from(kind.stride());
+    SceneStats {
+        vertex_bytes: bytes(SectionKind::Vertices),
+        index_bytes: bytes(SectionKind::Indices),
+        instance_bytes: bytes(SectionKind::Instances),
+        material_bytes: bytes(SectionKind::Materials),
+        light_bytes: bytes(SectionKind::DirectionalLights),
+        ..SceneStats::default()
+    }
+}
+
+fn with_upload(stats: SceneStats, upload: UploadStats) -> SceneStats {
+    SceneStats {
+        bytes: upload.bytes,
+        submissions: upload.submissions,
+        seconds: upload.seconds,
+        megabytes_per_second: upload.bytes as f64 / 1e6 / upload.seconds.max(1e-9),
+        ..stats
+    }
+}
+
+#[cfg(test)]
+mod tests;

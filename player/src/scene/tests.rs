@@ -1,0 +1,243 @@
+//! Uploads of small packages on a real device, under validation.
+
+use cairn_format::gpu::{DirectionalLight, Instance, Material};
+use cairn_format::scene::{
+    Bounds, Environment, Image, ImageRole, Level, MaterialInfo, MipFilter, Primitive, Sampler,
+    Scene, Texture, Wrap,
+};
+use cairn_format::{Package, SectionKind, TextureFormat, Vertex, Writer, bounds};
+
+use super::*;
+use crate::gpu::test_support::{assert_clean, gpu};
+
+/// Sections of a package under construction.
+struct Parts {
+    scene: Scene,
+    vertices: Vec<Vertex>,
+    indices: Vec<u32>,
+    instances: Vec<Instance>,
+    materials: Vec<Material>,
+    lights: Vec<DirectionalLight>,
+    texels: Vec<u8>,
+}
+
+impl Parts {
+    fn empty() -> Self {
+        Self {
+            scene: Scene::empty("test"),
+            vertices: Vec::new(),
+            indices: Vec::new(),
+            instances: Vec::new(),
+            materials: Vec::new(),
+            lights: Vec::new(),
+            texels: Vec::new(),
+        }
+    }
+
+    /// One triangle with one material and one instance.
+    fn triangle() -> Self {
+        let mut parts = Self::empty();
+        parts.vertices = vec![<Vertex as bytemuck::Zeroable>::zeroed(); 3];
+        parts.indices = vec![0, 1, 2];
+        parts.instances = vec![<Instance as bytemuck::Zeroable>::zeroed()];
+        parts.materials = vec![Material::default()];
+        parts.scene.materials = vec![MaterialInfo { name: "m".into() }];
+        parts.scene.primitives = vec![Primitive {
+            first_index: 0,
+            index_count: 3,
+            first_vertex: 0,
+            vertex_count: 3,
+            material: 0,
+            bounds: Bounds::ZERO,
+        }];
+        parts
+    }
+
+    /// Adds an image with a full chain of texels.
+    fn image(&mut self, format: TextureFormat, size: u32, layers: u32) -> u32 {
+        let count = cairn_format::texture::full_mip_count(size, size);
+        let levels = (0..count).map(|level| {
+            let size = cairn_format::texture::mip_extent(size, level);
+            let length = format.level_bytes(size, size) * u64::from(layers);
+            let offset = self.texels.len().next_multiple_of(16);
+            self.texels.resize(offset + length as usize, 0x5a);
+            Level {
+                offset: offset as u64,
+                length,
+            }
+        });
+        let levels = levels.collect();
+        self.scene.images.push(Image {
+            name: format!("image {}", self.scene.images.len()),
+            role: ImageRole::Color,
+            format,
+            width: size,
+            height: size,
+            layers,
+            levels,
+        });
+        self.scene.images.len() as u32 - 1
+    }
+
+    fn package(&self) -> Package {
+        let mut writer = Writer::new();
+        let boxes = vec![
+            cairn_format::Aabb {
+                min: glam::Vec3::ZERO,
+                max: glam::Vec3::ZERO,
+            };
+            self.instances.len()
+        ];
+        let boxes = bounds::to_arrays(&boxes);
+        writer
+            .records(SectionKind::Vertices, &self.vertices)
+            .bytes(
+                SectionKind::Indices,
+                bytemuck::cast_slice::<_, u8>(&self.indices),
+            )
+            .records(SectionKind::Instances, &self.instances)
+            .bytes(
+                SectionKind::InstanceBounds,
+                bytemuck::cast_slice::<_, u8>(&boxes),
+            )
+            .records(SectionKind::Materials, &self.materials)
+            .records(SectionKind::DirectionalLights, &self.lights)
+            .bytes(SectionKind::Texels, self.texels.as_slice());
+        let bytes = writer.to_vec(&self.scene, "test").expect("written");
+        Package::from_bytes(&bytes).expect("opens")
+    }
+}
+
+fn sampler(mip: MipFilter) -> Sampler {
+    Sampler {
+        mag_linear: true,
+        min_linear: true,
+        mip,
+        wrap_u: Wrap::Repeat,
+        wrap_v: Wrap::MirroredRepeat,
+    }
+}
+
+#[test]
+fn a_package_of_nothing_gets_dummies_and_the_fallback_light() {
+    let Some(gpu) = gpu() else { return };
+    let scene = GpuScene::upload(&gpu, &Parts::empty().package()).expect("uploads");
+    assert!(scene.vertices.is_none() && scene.indices.is_none());
+    assert!(!scene.has_environment() && scene.brdf_lut_slot.is_none());
+    assert_eq!(scene.light_count, 1);
+    assert_eq!((scene.stats.images, scene.stats.samplers), (0, 0));
+    drop(scene);
+    assert_clean(&gpu);
+}
+
+#[test]
+fn every_part_of_a_package_gets_its_slot() {
+    let Some(gpu) = gpu() else { return };
+    let mut parts = Parts::triangle();
+    let formats = [
+        TextureFormat::Bc7Unorm,
+        TextureFormat::Bc7Srgb,
+        TextureFormat::Bc5Unorm,
+        TextureFormat::Bc4Unorm,
+        TextureFormat::Rgba8Unorm,
+        TextureFormat::Rgba8Srgb,
+        TextureFormat::Rgba16Float,
+        TextureFormat::Rgb9e5Ufloat,
+        TextureFormat::Rgba16Unorm,
+    ];
+    for (index, format) in formats.into_iter().enumerate() {
+        let image = parts.image(format, 20, 1);
+        parts.scene.textures.push(Texture {
+            image,
+            sampler: index as u32 % 3,
+        });
+    }
+    let mips = [MipFilter::Linear, MipFilter::None, MipFilter::Linear];
+    parts.scene.samplers = mips.map(sampler).to_vec();
+    let cube = |parts: &mut Parts, size| parts.image(TextureFormat::Bc6hUfloat, size, 6);
+    parts.scene.environment = Some(Environment {
+        sky: cube(&mut parts, 16),
+        irradiance: cube(&mut parts, 4),
+        prefiltered: cube(&mut parts, 8),
+        source_width: 64,
+        source_height: 32,
+        replaced_texels: 0,
+        clamped_texels: 0,
+    });
+    parts.scene.brdf_lut = Some(parts.image(TextureFormat::Rgba16Unorm, 8, 1));
+    let scene = GpuScene::upload(&gpu, &parts.package()).expect("uploads");
+    assert!(scene.vertices.is_some() && scene.indices.is_some());
+    assert_eq!(scene.brdf_lut_slot, Some(9));
+    let slots = EnvironmentSlots {
+        sky: 0,
+        irradiance: 1,
+        prefiltered: 2,
+        prefiltered_levels: 4,
+    };
+    assert_eq!(scene.environment, Some(slots));
+    assert_eq!(
+        scene.light_count, 0,
+        "an environment replaces the fallback light"
+    );
+    assert_eq!((scene.stats.images, scene.stats.samplers), (13, 2));
+    assert_eq!((scene.stats.texture_slots, scene.stats.cube_slots), (10, 3));
+    drop(scene);
+    assert_clean(&gpu);
+}
+
+fn refused(parts: &Parts, part: SectionKind) {
+    let Some(gpu) = gpu() else { return };
+    match GpuScene::upload(&gpu, &parts.package()).err() {
+        Some(PlayerError::Package(Error::Corrupt { part: found, .. })) => {
+            assert_eq!(found, Part::Section(part));
+        }
+        other => panic!("{other:?}"),
+    }
+    gpu.wait_idle().expect("idle");
+    assert_clean(&gpu);
+}
+
+#[test]
+fn an_index_beyond_its_primitive_is_refused() {
+    let mut parts = Parts::triangle();
+    parts.indices[1] = 3;
+    refused(&parts, SectionKind::Indices);
+}
+
+#[test]
+fn a_vertex_that_is_not_finite_is_refused() {
+    let mut parts = Parts::triangle();
+    parts.vertices[2].uv1[1] = f32::NAN;
+    refused(&parts, SectionKind::Vertices);
+}
+
+#[test]
+fn an_instance_of_no_material_is_refused() {
+    let mut parts = Parts::triangle();
+    parts.instances[0].material_index = 1;
+    refused(&parts, SectionKind::Instances);
+}
+
+#[test]
+fn a_light_that_is_not_finite_is_refused() {
+    let mut parts = Parts::triangle();
+    parts.lights = vec![fallback_light(), fallback_light()];
+    parts.lights[1].color_and_shadow[0] = f32::INFINITY;
+    refused(&parts, SectionKind::DirectionalLights);
+}
+
+#[test]
+fn images_that_share_texels_are_refused() {
+    let mut parts = Parts::empty();
+    parts.image(TextureFormat::Rgba8Unorm, 64, 1);
+    let copy = parts.scene.images[0].clone();
+    parts.scene.images.push(copy);
+    refused(&parts, SectionKind::Texels);
+}
+
+#[test]
+fn the_fallback_light_has_a_unit_direction() {
+    let [x, y, z, intensity] = fallback_light().direction_and_intensity;
+    assert!((glam::Vec3::new(x, y, z).length() - 1.0).abs() < 1e-6 && y < 0.0);
+    assert_eq!(intensity, 3.0);
+}

@@ -1,0 +1,27 @@
+// Descriptor sets 0 (frame) and 1 (bindless), the same for every pass.
+#ifndef CAIRN_BINDINGS_GLSL
+#define CAIRN_BINDINGS_GLSL
+
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_nonuniform_qualifier : require
+// gpu.glsl declares records with 64-bit addresses; a module that uses none of them needs no Int64 capability.
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#include "gpu.glsl"
+
+layout(set = 0, binding = 0, std140) uniform GlobalBlock {
+    GlobalUniform global;
+};
+layout(set = 0, binding = 1, scalar) readonly buffer LightBuffer {
+    DirectionalLight lights[];
+};
+layout(set = 0, binding = 2, scalar) readonly buffer MaterialBuffer {
+    Material materials[];
+};
+layout(set = 0, binding = 3, scalar) readonly buffer InstanceBuffer {
+    Instance instances[];
+};
+
+layout(set = 1, binding = 0) uniform sampler2D textures[];
+layout(set = 1, binding = 1) uniform samplerCube cubes[];
+
+#endif

@@ -1,0 +1,224 @@
+// Generated from cairn-format's records; `cargo run -p cairn-shaders --bin cairn-glsl` writes it anew.
+// Offsets hold in scalar layout, and GlobalUniform's in std140 too.
+#ifndef CAIRN_GPU_GLSL
+#define CAIRN_GPU_GLSL
+
+const uint NO_TEXTURE = 0xffffffffu;
+const uint TEXTURE_UV1 = 0x80000000u;
+const uint MATERIAL_DOUBLE_SIDED = 0x1u;
+const uint MATERIAL_UNLIT = 0x2u;
+const uint ALPHA_OPAQUE = 0x0u;
+const uint ALPHA_MASK = 0x1u;
+const uint ALPHA_BLEND = 0x2u;
+const uint DRAW_DOUBLE_SIDED = 0x1u;
+const uint DRAW_MIRRORED = 0x2u;
+const uint FEATURE_SHADOWS = 0x1u;
+const uint FEATURE_AO = 0x2u;
+const uint FEATURE_CONTACT_SHADOWS = 0x4u;
+
+// 56 bytes
+struct Vertex {
+    vec3 position;
+    vec3 normal;
+    vec2 uv0;
+    vec4 tangent;
+    vec2 uv1;
+};
+
+// 928 bytes
+struct GlobalUniform {
+    mat4 view;
+    mat4 projection;
+    mat4 view_projection;
+    mat4 inv_view_projection;
+    vec4 camera_position_and_exposure;
+    vec2 screen_size;
+    float time;
+    uint directional_light_count;
+    float ibl_intensity;
+    uint irradiance_cubemap_index;
+    uint prefiltered_cubemap_index;
+    uint brdf_lut_index;
+    uint prefiltered_mip_count;
+    uint skybox_cubemap_index;
+    float ibl_rotation_sin;
+    float ibl_rotation_cos;
+    uint debug_render_mode;
+    uint feature_flags;
+    uint shadow_cascade_count;
+    float shadow_normal_offset;
+    float shadow_texel_size;
+    float shadow_max_distance;
+    float shadow_blend_width;
+    uint shadow_pcf_radius;
+    mat4 cascade_view_proj[4];
+    vec4 cascade_splits;
+    float shadow_distance_fade_width;
+    uint pad_628;
+    uint pad_632;
+    uint pad_636;
+    vec4 cascade_texel_world_size;
+    uint shadow_mode;
+    uint pcss_flags;
+    uint pcss_blocker_samples;
+    uint pcss_pcf_samples;
+    vec4 cascade_light_size_uv;
+    vec4 cascade_pcss_scale;
+    vec4 cascade_uv_scale_y;
+    mat4 inv_projection;
+    mat4 prev_view_projection;
+    uint frame_index;
+    uint ao_so_mode;
+    uint pad_856;
+    uint pad_860;
+    mat4 inv_view;
+};
+
+// 32 bytes
+struct DirectionalLight {
+    vec4 direction_and_intensity;
+    vec4 color_and_shadow;
+};
+
+// 80 bytes
+struct Material {
+    vec4 base_color_factor;
+    vec4 emissive_factor;
+    float metallic_factor;
+    float roughness_factor;
+    float normal_scale;
+    float occlusion_strength;
+    uint base_color_tex;
+    uint emissive_tex;
+    uint metallic_roughness_tex;
+    uint normal_tex;
+    uint occlusion_tex;
+    float alpha_cutoff;
+    uint alpha_mode;
+    uint double_sided;
+};
+
+// 128 bytes
+struct Instance {
+    mat4 model;
+    vec4 normal_matrix[3];
+    uint material_index;
+    uint pad_116;
+    uint pad_120;
+    uint pad_124;
+};
+
+// 24 bytes
+struct GeometryInfo {
+    uint64_t vertex_buffer_address;
+    uint64_t index_buffer_address;
+    uint material_buffer_offset;
+    uint pad_20;
+};
+
+// 12 bytes
+struct EnvAliasEntry {
+    float prob;
+    uint alias_index;
+    float luminance;
+};
+
+// 16 bytes
+struct EnvAliasHeader {
+    float total_luminance;
+    uint entry_count;
+    uint width;
+    uint height;
+};
+
+// 96 bytes
+struct EmissiveTriangle {
+    vec3 v0;
+    uint pad_12;
+    vec3 v1;
+    uint pad_28;
+    vec3 v2;
+    uint pad_44;
+    vec3 emission;
+    float area;
+    uint material_index;
+    uint pad_68;
+    vec2 uv0;
+    vec2 uv1;
+    vec2 uv2;
+};
+
+// 8 bytes
+struct EmissiveAliasEntry {
+    float prob;
+    uint alias_index;
+};
+
+// 8 bytes
+struct EmissiveAliasHeader {
+    uint count;
+    float total_power;
+};
+
+// 4 bytes
+struct ShadowPush {
+    uint cascade_index;
+};
+
+// 24 bytes
+struct GtaoPush {
+    float radius;
+    uint directions;
+    uint steps_per_dir;
+    float thin_compensation;
+    float intensity;
+    uint frame_index;
+};
+
+// 4 bytes
+struct AoTemporalPush {
+    float temporal_blend;
+};
+
+// 12 bytes
+struct ContactPush {
+    uint step_count;
+    float max_distance;
+    float base_thickness;
+};
+
+// 36 bytes
+struct PathTracePush {
+    uint max_bounces;
+    uint sample_count;
+    uint frame_seed;
+    uint blue_noise_index;
+    float max_clamp;
+    uint env_sampling;
+    uint directional_lights;
+    uint emissive_light_count;
+    uint lod_max_level;
+};
+
+// 32 bytes
+struct DrawGroup {
+    uint first_index;
+    uint index_count;
+    uint vertex_offset;
+    uint first_instance;
+    uint instance_count;
+    uint primitive;
+    uint alpha_mode;
+    uint flags;
+};
+
+// 64 bytes
+struct MeshInstance {
+    vec4 transform[3];
+    uint mesh;
+    uint first_geometry;
+    uint flags;
+    uint pad_60;
+};
+
+#endif

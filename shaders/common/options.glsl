@@ -1,0 +1,17 @@
+// Specialisation constants of the forward pass.
+#ifndef CAIRN_OPTIONS_GLSL
+#define CAIRN_OPTIONS_GLSL
+
+// Fragments below the material's cutoff are discarded.
+layout(constant_id = 0) const bool MASKED = false;
+// The base colour's alpha reaches the blend unit.
+layout(constant_id = 1) const bool BLENDED = false;
+// The environment's cubes exist; otherwise a constant ambient radiance lights the scene.
+layout(constant_id = 2) const bool HAS_ENVIRONMENT = true;
+// The BRDF table exists; otherwise an analytic fit stands in.
+layout(constant_id = 3) const bool HAS_LUT = true;
+layout(constant_id = 4) const bool HAS_LIGHTS = true;
+// true: multiple scattering is compensated. false: glTF's core BRDF, single scattering.
+layout(constant_id = 5) const bool BRDF_ENERGY = true;
+
+#endif
