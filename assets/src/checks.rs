@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use base64::Engine;
+use glam::DVec3;
 use serde_json::Value;
 
 use crate::{OutputFile, generate, write_all};
@@ -118,8 +119,18 @@ impl Scene {
         );
         let indices = self.elements(int(&primitive["indices"]));
         assert_eq!(indices.len() % 3, 0);
-        for i in indices {
-            assert!(usize::from(u16::from_le_bytes([i[0], i[1]])) < positions.len());
+        let index = |i: &[u8]| usize::from(u16::from_le_bytes([i[0], i[1]]));
+        let point = |v: &[f32]| DVec3::new(v[0].into(), v[1].into(), v[2].into());
+        for t in indices.chunks(3) {
+            let corners = [index(t[0]), index(t[1]), index(t[2])];
+            assert!(corners.iter().all(|&i| i < positions.len()));
+            let [a, b, c] = corners.map(|i| point(&positions[i]));
+            let face = (b - a).cross(c - a);
+            assert!(face.length() > 1e-9, "a triangle without area");
+            for i in corners {
+                let agreement = face.normalize().dot(point(&normals[i]));
+                assert!(agreement > 0.05, "normal against its face: {agreement}");
+            }
         }
     }
 

@@ -19,21 +19,21 @@ pub fn curtain() -> Mesh {
     const LENGTH: f64 = 4.55;
     const TIE: f64 = 0.64;
     let mut mesh = Mesh::default();
-    mesh.surface(44, 30, DVec2::new(2.6, 10.0), |u, v| {
+    mesh.surface(52, 36, DVec2::new(2.6, 10.0), |u, v| {
         let gather = pow(smoothstep(0.0, TIE, v), 1.4);
         let narrow = if v < TIE {
             1.0 - 0.74 * gather
         } else {
             0.26 + 0.22 * smoothstep(TIE, 1.0, v)
         };
-        let amplitude = 0.022 + 0.05 * (1.0 - narrow);
-        let fold = sin(TAU * 4.5 * u + 0.9 * sin(4.0 * v)) + 0.35 * sin(TAU * 2.3 * u + 5.0 * v);
+        let amplitude = 0.020 + 0.022 * (1.0 - narrow);
+        let fold = sin(TAU * 3.5 * u + 0.7 * sin(4.0 * v)) + 0.3 * sin(TAU * 2.1 * u + 1.5 * v);
         // The free edge hangs lower above the tie, as cloth does that is drawn aside.
-        let droop = 0.5 * u * gather * (1.0 - smoothstep(TIE, TIE + 0.2, v) * 0.6);
-        let waist = 1.0 - 0.35 * (1.0 - smoothstep(0.0, 0.1, libm::fabs(v - TIE)));
+        let droop = 0.5 * u * gather * (1.0 - smoothstep(TIE, 1.0, v));
+        let waist = 1.0 - 0.25 * (1.0 - smoothstep(0.0, 0.16, libm::fabs(v - TIE)));
         DVec3::new(
             WIDTH * u * narrow * waist,
-            -LENGTH * v - droop * (1.0 - 0.8 * smoothstep(0.85, 1.0, v)),
+            -LENGTH * v - droop,
             amplitude * fold * waist,
         )
     });
@@ -47,7 +47,7 @@ pub fn swag() -> Mesh {
     mesh.surface(36, 22, DVec2::new(4.0, 2.8), |u, v| {
         let x = 2.0 * u - 1.0;
         let sag = 1.0 - x * x;
-        let fold = sin(TAU * 2.6 * v + 0.7 * x) * (0.35 + 0.65 * sag);
+        let fold = sin(TAU * 2.6 * v + 0.7 * x) * (0.2 + 0.8 * sag);
         DVec3::new(
             HALF * x * (1.0 - 0.04 * v),
             -(0.10 + 1.15 * v) * sag - 0.22 * v,
@@ -65,7 +65,7 @@ pub fn carving() -> Mesh {
             let t = 1.0 - v;
             let axis = |t: f64| {
                 let angle = TAU * (1.35 * t + strand);
-                let reach = 0.20 * pow(1.0 - 0.82 * t.clamp(0.0, 1.0), 0.8);
+                let reach = 0.20 * pow(1.0 - 0.82 * t.min(1.0), 0.8);
                 let lean = 0.16 * t * t;
                 DVec3::new(
                     reach * cos(angle) + lean,
@@ -76,9 +76,9 @@ pub fn carving() -> Mesh {
             let tangent = (axis(t + 1e-3) - axis(t - 1e-3)).normalize();
             let side = tangent.cross(DVec3::Z).normalize();
             let other = side.cross(tangent);
-            let radius = 0.17 * pow(1.0 - 0.94 * t.clamp(0.0, 1.0), 0.7) + 0.004;
+            let radius = 0.17 * pow(1.0 - 0.94 * t.min(1.0), 0.7) + 0.004;
             let angle = -u * TAU;
-            axis(t) + radius * (side * cos(angle) - other * sin(angle))
+            axis(t) + radius * (side * cos(angle) + other * sin(angle))
         });
     }
     mesh
@@ -310,5 +310,34 @@ fn lamps(scene: &mut Builder, palette: &Palette) {
         let at = Placement::at(0.0, 4.08, z);
         scene.place("lamp", bulb, palette.lamp, at);
         scene.place("lamp frame", frame, palette.bronze, at);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Volume of the cones from the origin to the triangles, which open ends make smaller than the
+    /// solid's; negative where they face inwards.
+    fn volume(mesh: &Mesh) -> f32 {
+        let at = |i: u16| mesh.positions[usize::from(i)];
+        mesh.indices
+            .chunks(3)
+            .map(|t| at(t[0]).cross(at(t[1])).dot(at(t[2])) / 6.0)
+            .sum()
+    }
+
+    #[test]
+    fn solids_face_outwards() {
+        let solids = [
+            ("carving", carving(), 0.04..0.3),
+            ("pedestal", pedestal(), 0.08..0.2),
+            ("pot", pot(), 0.03..0.2),
+            ("column", super::super::architecture::column(), 0.5..1.0),
+        ];
+        for (name, mesh, range) in solids {
+            let volume = volume(&mesh);
+            assert!(range.contains(&volume), "{name}: {volume} cubic metres");
+        }
     }
 }

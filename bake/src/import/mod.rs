@@ -41,14 +41,16 @@ use context::Context;
 /// `BakeError::Io` where the scene file itself cannot be read, `BakeError::Input` with the JSON
 /// pointer or byte offset of the fault otherwise.
 pub fn import(path: &Path) -> Result<Scene> {
-    let context = Context::open(path)?;
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    assemble(Context::open(path)?, name.into_owned())
+}
+
+/// Reads everything that the scene of an opened file reaches.
+fn assemble(context: Context, name: String) -> Result<Scene> {
     context.note_ignored_features();
     let placed = node::place(&context)?;
     let mut scene = Scene {
-        name: path
-            .file_stem()
-            .map(|stem| stem.to_string_lossy().into_owned())
-            .unwrap_or_default(),
+        name,
         instances: placed.instances,
         lights: placed.lights,
         cameras: placed.cameras,
@@ -113,5 +115,91 @@ impl Renumber {
             Ok(rank) => rank as u32,
             Err(_) => unreachable!("index {index} was not collected"),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use super::*;
+    use crate::diagnostic::BakeError;
+
+    /// A triangle with indices, a material, a texture, a light and a camera.
+    fn tiny_glb() -> Vec<u8> {
+        let mut json = r#"{"asset":{"version":"2.0"},"extensionsUsed":["KHR_lights_punctual"],
+            "extensions":{"KHR_lights_punctual":{"lights":[{"type":"point"}]}},
+            "buffers":[{"byteLength":44}],
+            "bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":8}],
+            "accessors":[{"bufferView":0,"componentType":5126,"type":"VEC3","count":3},
+                {"bufferView":1,"componentType":5123,"type":"SCALAR","count":3}],
+            "images":[{"bufferView":1,"mimeType":"image/png"}],"samplers":[{"wrapS":33071}],
+            "textures":[{"source":0,"sampler":0}],
+            "materials":[{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}],
+            "meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1,"material":0}]}],
+            "cameras":[{"type":"perspective","perspective":{"yfov":1,"znear":1}}],
+            "nodes":[{"mesh":0,"children":[1]},
+                {"camera":0,"extensions":{"KHR_lights_punctual":{"light":0}}}],
+            "scenes":[{"nodes":[0]}],"scene":0}"#
+            .replace("            ", "");
+        while !json.len().is_multiple_of(4) {
+            json.push(' ');
+        }
+        let positions = [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let mut bin: Vec<u8> = positions.iter().flat_map(|v| v.to_le_bytes()).collect();
+        bin.extend([0, 0, 1, 0, 2, 0, 0, 0]);
+        let word = |value: usize| (value as u32).to_le_bytes();
+        let total = 12 + 8 + json.len() + 8 + bin.len();
+        let header = [&b"glTF"[..], &word(2), &word(total)].concat();
+        let json = [&word(json.len())[..], b"JSON", json.as_bytes()].concat();
+        let bin = [&word(bin.len())[..], b"BIN\0", &bin].concat();
+        [header, json, bin].concat()
+    }
+
+    fn read(bytes: Vec<u8>) -> Result<Scene> {
+        let source = context::describe("tiny.glb".into(), &bytes);
+        let folder = PathBuf::from("/nonexistent");
+        assemble(
+            Context::parse("tiny.glb".into(), folder, bytes, source)?,
+            "tiny".into(),
+        )
+    }
+
+    #[test]
+    fn a_tiny_scene_is_read_whole() {
+        let scene = read(tiny_glb()).unwrap();
+        assert_eq!(scene.meshes[0].primitives[0].indices, [0, 1, 2]);
+        assert_eq!(scene.meshes[0].primitives[0].material, Some(0));
+        assert_eq!(scene.images[0].bytes, [0, 0, 1, 0, 2, 0, 0, 0]);
+        assert_eq!((scene.lights.len(), scene.cameras.len()), (1, 1));
+        assert_eq!(scene.sources[0].hash, *blake3::hash(&tiny_glb()).as_bytes());
+        assert!(scene.diagnostics.is_empty());
+    }
+
+    #[test]
+    fn truncation_at_every_byte_is_an_input_error() {
+        let bytes = tiny_glb();
+        for length in 0..bytes.len() {
+            let result = read(bytes[..length].to_vec());
+            assert!(matches!(result, Err(BakeError::Input(_))), "{length}");
+        }
+    }
+
+    #[test]
+    fn changed_bytes_never_panic() {
+        let bytes = tiny_glb();
+        let (mut read_whole, mut refused) = (0, 0);
+        for position in 0..bytes.len() {
+            for value in [0, b'-', b'0', b'1', b'9', b'"', b'{', b' ', 0x7f, 0xff] {
+                let mut bytes = bytes.clone();
+                bytes[position] = value;
+                match read(bytes) {
+                    Ok(_) => read_whole += 1,
+                    Err(BakeError::Input(_)) => refused += 1,
+                    Err(other) => panic!("{other}"),
+                }
+            }
+        }
+        assert!(read_whole > 100 && refused > 1000, "{read_whole} {refused}");
     }
 }

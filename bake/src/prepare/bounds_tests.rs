@@ -60,9 +60,14 @@ fn evaluations(row: [f32; 4], point: [f32; 3]) -> Vec<f32> {
 fn check(model: &[[f32; 4]; 4], points: &[[f32; 3]]) -> WorldBounds {
     let vertices = vertices(points);
     let found = Cloud::new(&vertices).world_bounds(model).expect("in range");
-    for axis in 0..3 {
+    let limits = found
+        .aabb
+        .min
+        .to_array()
+        .into_iter()
+        .zip(found.aabb.max.to_array());
+    for (axis, (min, max)) in limits.enumerate() {
         let row: [f32; 4] = std::array::from_fn(|column| model[column][axis]);
-        let (min, max) = (found.aabb.min[axis], found.aabb.max[axis]);
         for point in points {
             for value in evaluations(row, *point) {
                 assert!(

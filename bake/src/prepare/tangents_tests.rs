@@ -199,7 +199,7 @@ fn stripping_changes_no_surviving_corner() {
             soup.normals.push(clean.normals[corner]);
             soup.uvs.push(clean.uvs[corner]);
         }
-        if random.bits() % 3 == 0 {
+        if random.bits().is_multiple_of(3) {
             // A needle along one edge of the triangle, and a point with a coordinate of its own.
             let start = face * 3;
             for (corner, uv) in [

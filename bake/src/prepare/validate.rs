@@ -71,7 +71,7 @@ fn attribute<const N: usize>(
 }
 
 fn indices(indices: &[u32], vertices: usize) -> Option<String> {
-    if indices.len() % 3 != 0 || u32::try_from(indices.len()).is_err() {
+    if !indices.len().is_multiple_of(3) || u32::try_from(indices.len()).is_err() {
         return Some(format!("{} indices", indices.len()));
     }
     let bad = indices.iter().find(|index| **index as usize >= vertices)?;

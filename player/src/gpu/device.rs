@@ -90,6 +90,15 @@ impl Gpu {
             .clone()
     }
 
+    /// Drops this handle and returns what the validation layer reported, objects that outlived the device
+    /// included where this was the last user of it.
+    pub fn close(self) -> Vec<String> {
+        let messages = self.shared.instance.messages.clone();
+        drop(self);
+        let messages = messages.lock().unwrap_or_else(PoisonError::into_inner);
+        messages.clone()
+    }
+
     /// Blocks until the queue is empty.
     pub fn wait_idle(&self) -> GpuResult<()> {
         self.shared.wait_idle()

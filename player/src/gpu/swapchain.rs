@@ -14,6 +14,9 @@ use super::image::ImageRef;
 use super::instance::Instance;
 use super::queue::Handshake;
 
+/// How long to wait for an image: events must be heard even where the display never gives one.
+const ACQUIRE_NANOSECONDS: u64 = 500_000_000;
+
 /// A window that can be presented to.
 pub trait WindowHandles: HasDisplayHandle + HasWindowHandle {}
 impl<T: HasDisplayHandle + HasWindowHandle> WindowHandles for T {}
@@ -115,6 +118,8 @@ pub enum Acquired {
     Image(u32),
     /// The window changed: recreate the swapchain first.
     Outdated,
+    /// The display has no image to give, as for a hidden window: try again.
+    NotReady,
 }
 
 /// The images of a window.
@@ -211,7 +216,7 @@ impl Swapchain {
         let result = unsafe {
             self.loader.acquire_next_image(
                 self.raw,
-                u64::MAX,
+                ACQUIRE_NANOSECONDS,
                 self.acquired[slot],
                 vk::Fence::null(),
             )
@@ -220,6 +225,7 @@ impl Swapchain {
             // A suboptimal image still counts as acquired; presenting it reports the change again.
             Ok((index, _)) => Ok(Acquired::Image(index)),
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(Acquired::Outdated),
+            Err(vk::Result::TIMEOUT | vk::Result::NOT_READY) => Ok(Acquired::NotReady),
             Err(other) => Err(GpuError::of("vkAcquireNextImageKHR")(other)),
         }
     }

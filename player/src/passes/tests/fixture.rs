@@ -40,8 +40,10 @@ pub struct Fixture {
     pub materials: Vec<Material>,
     pub textures: Vec<Row>,
     pub lights: Vec<DirectionalLight>,
-    /// Radiance of each face; all three cubes hold it.
+    /// Radiance of each face; all cubes hold it.
     pub environment: Option<[[f32; 3]; 6]>,
+    /// Radiance of each level of a prefiltered cube of its own, largest level first.
+    pub prefiltered: Vec<[f32; 3]>,
     pub lut: bool,
 }
 
@@ -216,10 +218,15 @@ impl Fixture {
                 .flat_map(|face| halves([face[0], face[1], face[2], 1.0]))
                 .collect();
             let cube = add_image(scene, texels, TextureFormat::Rgba16Float, [1, 1, 6], &bytes);
+            let prefiltered = if self.prefiltered.is_empty() {
+                cube
+            } else {
+                add_chain(scene, texels, &self.prefiltered)
+            };
             scene.environment = Some(Environment {
                 sky: cube,
                 irradiance: cube,
-                prefiltered: cube,
+                prefiltered,
                 source_width: 2,
                 source_height: 1,
                 replaced_texels: 0,
@@ -318,6 +325,25 @@ fn add_image(
         }],
     });
     scene.images.len() as u32 - 1
+}
+
+/// A cube with one radiance per level.
+fn add_chain(scene: &mut Scene, texels: &mut Vec<u8>, levels: &[[f32; 3]]) -> u32 {
+    let extent = |level: usize| 1_u32 << (levels.len() - 1 - level);
+    let bytes = |level: usize| {
+        let [r, g, b] = levels[level];
+        halves([r, g, b, 1.0]).repeat((extent(level) * extent(level) * 6) as usize)
+    };
+    let size = [extent(0), extent(0), 6];
+    let image = add_image(scene, texels, TextureFormat::Rgba16Float, size, &bytes(0));
+    for level in 1..levels.len() {
+        let (offset, length) = (texels.len() as u64, bytes(level).len() as u64);
+        texels.extend(bytes(level));
+        scene.images[image as usize]
+            .levels
+            .push(Level { offset, length });
+    }
+    image
 }
 
 /// Normal positive half floats, rounded to nearest; smaller values become 0.

@@ -3,8 +3,8 @@
 use cairn_format::gpu::Material;
 use glam::{Mat4, Vec3};
 
-use super::fixture::{Fixture, light, sphere};
-use super::{device, plain, shoot, texel, towards_origin};
+use super::fixture::{Fixture, light, quad, sphere};
+use super::{assert_near, device, middle, plain, shoot, texel, towards_origin};
 use crate::settings::{Brdf, Settings};
 
 const ROUGHNESSES: [f32; 5] = [0.0, 0.2, 0.5, 0.8, 1.0];
@@ -90,4 +90,48 @@ fn without_a_table_the_fit_closes_too() {
         lit += 1;
     }
     assert!(lit > 1000, "{lit} pixels show a sphere");
+}
+
+#[test]
+fn gltf_core_dielectrics_keep_what_fresnel_leaves() {
+    let Some(gpu) = device() else { return };
+    let (n_dot_v, roughness) = (0.515_625_f32, 0.515_625_f32);
+    let tilt = Mat4::from_rotation_y(n_dot_v.acos());
+    let fixture = Fixture {
+        objects: vec![quad(0, vec![tilt])],
+        materials: vec![Material {
+            metallic_factor: 0.0,
+            roughness_factor: roughness,
+            ..Material::default()
+        }],
+        ..spheres()
+    };
+    let settings = Settings {
+        brdf: Brdf::GltfCore,
+        ..plain()
+    };
+    let camera = towards_origin(Vec3::new(0.0, 0.0, 3.0));
+    let found = middle(&shoot(&gpu, &fixture, [33, 33], camera, settings));
+    let [a, b, c] = super::twin::table(f64::from(n_dot_v), f64::from(roughness));
+    let expected = 0.96 * (1.0 - c) + 0.04 * a + b;
+    assert_near(found, [expected as f32; 3], 1e-3);
+}
+
+#[test]
+fn roughness_chooses_the_prefiltered_level() {
+    let Some(gpu) = device() else { return };
+    for (roughness, expected) in [(0.0, 1.0), (0.25, 2.0), (0.5, 3.0), (1.0, 7.0)] {
+        let fixture = Fixture {
+            objects: vec![quad(0, vec![Mat4::IDENTITY])],
+            materials: vec![Material {
+                roughness_factor: roughness,
+                ..Material::default()
+            }],
+            prefiltered: vec![[1.0; 3], [3.0; 3], [7.0; 3]],
+            ..spheres()
+        };
+        let camera = towards_origin(Vec3::new(0.0, 0.0, 3.0));
+        let found = middle(&shoot(&gpu, &fixture, [9, 9], camera, plain()));
+        assert_near(found, [expected; 3], 0.02);
+    }
 }

@@ -128,6 +128,27 @@ fn a_package_of_nothing_is_black() {
 }
 
 #[test]
+fn only_the_passes_that_a_package_needs_are_recorded() {
+    let Some(gpu) = device() else { return };
+    let names = |fixture: &Fixture| -> Vec<String> {
+        let image = shoot(&gpu, fixture, [4, 4], towards_origin(FRONT), plain());
+        image.passes.into_iter().map(|pass| pass.name).collect()
+    };
+    let plain_names = names(&card([1.0; 3]));
+    if plain_names.is_empty() {
+        eprintln!("SKIPPED: the device has no timestamps");
+        return;
+    }
+    assert_eq!(plain_names, ["forward", "tonemap", "copy hdr"]);
+    let mut full = card([1.0; 3]);
+    full.materials[0].alpha_mode = cairn_format::gpu::ALPHA_BLEND;
+    full.environment = Some([[1.0; 3]; 6]);
+    full.lut = true;
+    let all = ["forward", "skybox", "transparent", "tonemap", "copy hdr"];
+    assert_eq!(names(&full), all);
+}
+
+#[test]
 fn equal_input_gives_equal_images_whatever_the_frame_count() {
     let Some(gpu) = device() else { return };
     let fixture = Fixture {
