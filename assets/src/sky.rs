@@ -17,7 +17,7 @@ pub const SUN_RADIUS: f64 = 1.2;
 /// Ratio of the sun's to the sky's irradiance on level ground.
 pub const SUN_TO_SKY: f64 = 3.6;
 /// Mean radiance of the sky above the horizon, weighted by solid angle.
-pub const MEAN_SKY: f64 = 0.7;
+pub const MEAN_SKY: f64 = 0.36;
 
 const TURBIDITY: f64 = 2.6;
 const SUN_COLOR: [f64; 3] = [1.0, 0.88, 0.70];
@@ -287,7 +287,7 @@ mod tests {
         assert!((3.0..5.0).contains(&ratio), "sun to sky {ratio}");
         assert!((ratio - SUN_TO_SKY).abs() < 0.15, "sun to sky {ratio}");
         assert!(
-            (mean / angle - MEAN_SKY).abs() < 0.02,
+            (mean / angle - MEAN_SKY).abs() < 0.01,
             "mean {}",
             mean / angle
         );

@@ -4,6 +4,7 @@ use cairn_format::features;
 use cairn_format::gpu;
 
 use crate::encode::{AlphaUse, Role};
+use crate::prepare::MaterialUse;
 use crate::scene::{AlphaMode, Material, Sampler, Scene, TextureRef};
 
 /// An image to encode: the same glTF image in two roles is two of these.
@@ -55,7 +56,7 @@ pub fn plan(scene: &Scene, used: &[Option<u32>]) -> Plan {
 
 impl Plan {
     fn record(&mut self, scene: &Scene, material: &Material) -> gpu::Material {
-        let lit = !material.unlit;
+        let uses = MaterialUse::of(Some(material));
         let alpha = match material.alpha_mode {
             AlphaMode::Opaque => AlphaUse::Ignore,
             AlphaMode::Blend => AlphaUse::Blend,
@@ -64,13 +65,6 @@ impl Plan {
                 cutoff: material.alpha_cutoff / material.base_color.w.max(f32::MIN_POSITIVE),
             },
         };
-        let emits = lit && material.emissive.max_element() > 0.0;
-        let occluded = lit && material.occlusion_strength > 0.0;
-        let lit_texture = |texture: Option<TextureRef>, wanted: bool| texture.filter(|_| wanted);
-        let emissive = lit_texture(material.emissive_texture, emits);
-        let rough = lit_texture(material.metallic_roughness_texture, lit);
-        let normal = lit_texture(material.normal_texture, lit);
-        let occlusion = lit_texture(material.occlusion_texture, occluded);
         gpu::Material {
             base_color_factor: material.base_color.to_array(),
             emissive_factor: material.emissive.extend(0.0).to_array(),
@@ -78,11 +72,16 @@ impl Plan {
             roughness_factor: material.roughness,
             normal_scale: material.normal_scale,
             occlusion_strength: material.occlusion_strength,
-            base_color_tex: self.reference(scene, material.base_color_texture, Role::Color, alpha),
-            emissive_tex: self.reference(scene, emissive, Role::Color, AlphaUse::Ignore),
-            metallic_roughness_tex: self.reference(scene, rough, Role::Data, AlphaUse::Ignore),
-            normal_tex: self.reference(scene, normal, Role::Normal, AlphaUse::Ignore),
-            occlusion_tex: self.reference(scene, occlusion, Role::Data, AlphaUse::Ignore),
+            base_color_tex: self.reference(scene, uses.base_color, Role::Color, alpha),
+            emissive_tex: self.reference(scene, uses.emissive, Role::Color, AlphaUse::Ignore),
+            metallic_roughness_tex: self.reference(
+                scene,
+                uses.metallic_roughness,
+                Role::Data,
+                AlphaUse::Ignore,
+            ),
+            normal_tex: self.reference(scene, uses.normal, Role::Normal, AlphaUse::Ignore),
+            occlusion_tex: self.reference(scene, uses.occlusion, Role::Data, AlphaUse::Ignore),
             alpha_cutoff: material.alpha_cutoff,
             alpha_mode: alpha_mode(material.alpha_mode),
             double_sided: flags(material),

@@ -84,7 +84,9 @@ impl HeadlessImage {
 /// [`PlayerError::Input`] for a size that the device cannot render; a bad package; failures of Vulkan.
 pub fn render(package: &Package, options: &HeadlessOptions) -> Result<HeadlessImage, PlayerError> {
     let gpu = Gpu::new(&options.gpu)?;
-    render_on(&gpu, package, options)
+    let mut image = render_on(&gpu, package, options)?;
+    image.validation = gpu.close();
+    Ok(image)
 }
 
 /// As [`render`], on a device that exists.

@@ -103,7 +103,7 @@ impl ApplicationHandler for Application<'_> {
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         match event {
-            WindowEvent::CloseRequested => event_loop.exit(),
+            WindowEvent::CloseRequested | WindowEvent::Destroyed => event_loop.exit(),
             WindowEvent::RedrawRequested => self.redraw(event_loop),
             WindowEvent::KeyboardInput { event, .. } => {
                 if let PhysicalKey::Code(key) = event.physical_key {
@@ -160,6 +160,8 @@ struct View<'a> {
     /// The right mouse button is held.
     looking: bool,
     occluded: bool,
+    /// Pixels, by the last event: asking the system each frame would wait for it.
+    size: [u32; 2],
     /// The swapchain no longer fits the window.
     outdated: bool,
     /// Frames presented.
@@ -181,12 +183,14 @@ impl<'a> View<'a> {
         let window = Arc::new(window.map_err(|error| no_window(&error))?);
         let (gpu, surface) = Gpu::for_window(&options.gpu, window.clone())?;
         let mut swapchain = Swapchain::new(&gpu, surface)?;
-        let shown = swapchain.recreate(extent(&window))?;
+        let size = window.inner_size();
+        let size = [size.width, size.height];
+        let shown = swapchain.recreate(size)?;
         // A window that opens minimised still needs targets of some size.
-        let size = if shown { swapchain.extent() } else { [1, 1] };
+        let extent = if shown { swapchain.extent() } else { [1, 1] };
         let scene = GpuScene::upload(&gpu, package)?;
         let (format, settings) = (swapchain.format(), &options.settings);
-        let renderer = Renderer::new(&gpu, &scene, package, format, size, settings)?;
+        let renderer = Renderer::new(&gpu, &scene, package, format, extent, settings)?;
         Ok(Self {
             renderer,
             scene,
@@ -199,6 +203,7 @@ impl<'a> View<'a> {
             fly: Fly::new(options.camera, bounds(package)),
             looking: false,
             occluded: false,
+            size,
             outdated: !shown,
             shown: 0,
             last: Instant::now(),
@@ -206,12 +211,12 @@ impl<'a> View<'a> {
     }
 
     fn visible(&self) -> bool {
-        !self.occluded && !extent(&self.window).contains(&0)
+        !self.occluded && !self.size.contains(&0)
     }
 
     fn key(&mut self, key: KeyCode, pressed: bool) {
         if key == KeyCode::KeyF && pressed {
-            let [width, height] = extent(&self.window).map(|size| size.max(1) as f32);
+            let [width, height] = self.size.map(|size| size.max(1) as f32);
             self.fly.frame(width / height);
         }
         self.fly.key(key, pressed);
@@ -220,7 +225,8 @@ impl<'a> View<'a> {
     fn event(&mut self, event: &WindowEvent) {
         match event {
             // However many sizes a drag goes through, the swapchain is rebuilt once per frame.
-            WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => {
+            WindowEvent::Resized(size) => {
+                self.size = [size.width, size.height];
                 self.outdated = true;
             }
             WindowEvent::Occluded(occluded) => self.occluded = *occluded,
@@ -292,7 +298,7 @@ impl<'a> View<'a> {
     /// Fits the swapchain to the window; false where the window has no size.
     fn rebuild(&mut self) -> Result<bool, PlayerError> {
         let before = self.swapchain.extent();
-        if !self.swapchain.recreate(extent(&self.window))? {
+        if !self.swapchain.recreate(self.size)? {
             return Ok(false);
         }
         if self.swapchain.extent() != before {
@@ -321,11 +327,6 @@ impl<'a> View<'a> {
         drop(window);
         messages
     }
-}
-
-fn extent(window: &Window) -> [u32; 2] {
-    let size = window.inner_size();
-    [size.width, size.height]
 }
 
 fn bounds(package: &Package) -> Aabb {

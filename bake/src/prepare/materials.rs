@@ -5,7 +5,8 @@ use cairn_format::features;
 use crate::scene::{AlphaMode, Material, Scene, TextureRef};
 
 /// The textures of a material that can change what is seen: an unlit material shows its base colour alone
-/// (`KHR_materials_unlit`), and an emissive factor of zero hides its texture.
+/// (`KHR_materials_unlit`), an emissive factor of zero hides its texture, and so does an occlusion strength
+/// of zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MaterialUse {
     /// sRGB colour and alpha.
@@ -40,7 +41,9 @@ impl MaterialUse {
             base_color,
             metallic_roughness: material.metallic_roughness_texture,
             normal: material.normal_texture,
-            occlusion: material.occlusion_texture,
+            occlusion: material
+                .occlusion_texture
+                .filter(|_| material.occlusion_strength > 0.0),
             emissive: material.emissive_texture.filter(|_| emits),
             emits,
         }

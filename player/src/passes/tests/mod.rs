@@ -4,6 +4,7 @@ mod fixture;
 mod furnace;
 mod lighting;
 mod output;
+mod renderer;
 mod sky;
 mod surfaces;
 mod twin;

@@ -298,6 +298,7 @@ fn occlusion_darkens_indirect_light_only() {
         lights: vec![light(Vec3::NEG_Z, [1.0; 3], intensity)],
         environment: Some([[1.0; 3]; 6]),
         lut: true,
+        ..Fixture::default()
     };
     for (strength, left) in [(0.0, 1.0), (1.0, 0.2), (0.5, 0.6)] {
         assert_near(
