@@ -46,12 +46,7 @@ pub struct WindowOptions {
 pub fn run(package: &Package, options: &WindowOptions) -> Result<Vec<String>, PlayerError> {
     let event_loop = EventLoop::new().map_err(|error| no_window(&error))?;
     event_loop.set_control_flow(ControlFlow::Wait);
-    let mut application = Application {
-        package,
-        options,
-        view: None,
-        outcome: Ok(Vec::new()),
-    };
+    let mut application = Application::new(package, options);
     let ran = event_loop.run_app(&mut application);
     ran.map_err(|error| no_window(&error))?;
     application.outcome
@@ -71,7 +66,16 @@ struct Application<'a> {
     outcome: Result<Vec<String>, PlayerError>,
 }
 
-impl Application<'_> {
+impl<'a> Application<'a> {
+    fn new(package: &'a Package, options: &'a WindowOptions) -> Self {
+        Self {
+            package,
+            options,
+            view: None,
+            outcome: Ok(Vec::new()),
+        }
+    }
+
     /// Ends the loop with the first error.
     fn fail(&mut self, event_loop: &ActiveEventLoop, error: PlayerError) {
         if self.outcome.is_ok() {
@@ -337,3 +341,6 @@ fn bounds(package: &Package) -> Aabb {
         max: vector(&bounds.max),
     }
 }
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests;

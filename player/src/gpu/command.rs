@@ -371,7 +371,7 @@ impl Commands {
     /// Where they are larger than the layout's range.
     pub fn push_constants<T: Pod>(&mut self, layouts: &Layouts, value: &T) {
         let bytes = bytemuck::bytes_of(value);
-        assert!(bytes.len() <= PUSH_CONSTANT_BYTES as usize && bytes.len() % 4 == 0);
+        assert!(bytes.len() <= PUSH_CONSTANT_BYTES as usize && bytes.len().is_multiple_of(4));
         // SAFETY: the command buffer is recording; the range is inside that of the layout.
         unsafe {
             self.shared.device.cmd_push_constants(

@@ -236,19 +236,20 @@ impl Drop for DescriptorSet {
 }
 
 fn check_limits(shared: &Shared, bindless: [u32; 2]) -> GpuResult<()> {
-    // One more for the render target of set 2.
-    let needed = u64::from(bindless[0]) + u64::from(bindless[1]) + 1;
+    // The other sets: four buffers and the render target.
+    let needed = u64::from(bindless[0]) + u64::from(bindless[1]) + 5;
     let limits = &shared.limits;
     let limit = [
         limits.max_per_stage_descriptor_sampled_images,
         limits.max_per_stage_descriptor_samplers,
         limits.max_descriptor_set_sampled_images,
         limits.max_descriptor_set_samplers,
+        limits.max_per_stage_resources,
     ];
     let limit = u64::from(limit.into_iter().min().unwrap_or(0));
     if needed > limit {
         return Err(GpuError::Limit {
-            what: "the number of textures".into(),
+            what: "the number of textures and buffers".into(),
             needed,
             limit,
             device: shared.name.clone(),

@@ -22,8 +22,8 @@ pub(crate) fn gpu() -> Option<Gpu> {
     }
 }
 
-/// Fails where the validation layer has reported anything, or reports objects that outlive the device.
-pub(crate) fn assert_clean(gpu: Gpu) {
+/// Drops the device; fails where the validation layer has reported anything, leaks included.
+pub(crate) fn close_clean(gpu: Gpu) {
     let messages = gpu.close();
     assert!(messages.is_empty(), "{messages:#?}");
 }

@@ -7,7 +7,7 @@ use bytemuck::Zeroable;
 use cairn_format::texture::mip_extent;
 use cairn_format::{TextureFormat, Vertex};
 
-use super::test_support::{assert_clean, gpu};
+use super::test_support::{close_clean, gpu};
 use super::*;
 
 /// Reproducible bytes (a linear congruential generator, Knuth's MMIX constants).
@@ -124,7 +124,7 @@ fn a_buffer_comes_back_bit_exact_and_is_checked_in_runs() {
         assert!(seen == bytes, "{size} bytes were checked wrongly");
         assert!(download(&gpu, &target) == bytes, "{size} bytes differ");
     }
-    assert_clean(gpu);
+    close_clean(gpu);
 }
 
 #[test]
@@ -152,7 +152,7 @@ fn a_failing_check_stops_the_upload() {
     drop(target);
     drop(uploader);
     gpu.wait_idle().expect("idle");
-    assert_clean(gpu);
+    close_clean(gpu);
 }
 
 #[test]
@@ -169,7 +169,7 @@ fn a_record_larger_than_a_slot_is_a_typed_error() {
             ..
         })
     ));
-    assert_clean(gpu);
+    close_clean(gpu);
 }
 
 fn image_round_trip(gpu: &Gpu, format: TextureFormat, desc: &ImageDesc<'_>, slot_bytes: u64) {
@@ -231,7 +231,7 @@ fn images_come_back_bit_exact() {
     };
     image_round_trip(&gpu, TextureFormat::Bc6hUfloat, &cube, 5000);
     image_round_trip(&gpu, TextureFormat::Bc6hUfloat, &cube, 1 << 20);
-    assert_clean(gpu);
+    close_clean(gpu);
 }
 
 #[test]
@@ -264,7 +264,7 @@ fn an_impossible_image_is_a_typed_error() {
         Image::new(&gpu, &target),
         Err(GpuError::Format { .. })
     ));
-    assert_clean(gpu);
+    close_clean(gpu);
 }
 
 #[test]
@@ -448,7 +448,7 @@ fn a_counter_clockwise_triangle_is_drawn_where_y_points_up() {
             "{times:?}"
         );
     }
-    assert_clean(gpu);
+    close_clean(gpu);
 }
 
 #[test]
@@ -456,7 +456,7 @@ fn a_clockwise_triangle_is_culled() {
     let Some(gpu) = gpu() else { return };
     let (texels, _) = draw_triangle(&gpu, true);
     assert!(texels.iter().all(|texel| *texel == CLEAR));
-    assert_clean(gpu);
+    close_clean(gpu);
 }
 
 #[test]
@@ -502,7 +502,7 @@ fn a_compute_shader_writes_what_its_push_constant_says() {
     let mut out = [0u32; 64];
     values.read(0, &mut out).expect("read");
     assert!((0..).zip(out).all(|(index, value)| value == index * 7u32));
-    assert_clean(gpu);
+    close_clean(gpu);
 }
 
 #[test]
@@ -521,7 +521,7 @@ fn objects_may_be_dropped_while_a_frame_uses_them() {
     // A recording that is never submitted.
     drop(frames.begin().expect("begin"));
     drop(frames);
-    assert_clean(gpu);
+    close_clean(gpu);
 }
 
 #[test]

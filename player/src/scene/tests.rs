@@ -8,7 +8,7 @@ use cairn_format::scene::{
 use cairn_format::{Package, SectionKind, TextureFormat, Vertex, Writer, bounds};
 
 use super::*;
-use crate::gpu::test_support::{assert_clean, gpu};
+use crate::gpu::test_support::{close_clean, gpu};
 
 /// Sections of a package under construction.
 struct Parts {
@@ -127,7 +127,7 @@ fn a_package_of_nothing_gets_dummies_and_the_fallback_light() {
     assert_eq!(scene.light_count, 1);
     assert_eq!((scene.stats.images, scene.stats.samplers), (0, 0));
     drop(scene);
-    assert_clean(gpu);
+    close_clean(gpu);
 }
 
 #[test]
@@ -182,7 +182,7 @@ fn every_part_of_a_package_gets_its_slot() {
     assert_eq!((scene.stats.images, scene.stats.samplers), (13, 2));
     assert_eq!((scene.stats.texture_slots, scene.stats.cube_slots), (10, 3));
     drop(scene);
-    assert_clean(gpu);
+    close_clean(gpu);
 }
 
 fn refused(parts: &Parts, part: SectionKind) {
@@ -194,7 +194,7 @@ fn refused(parts: &Parts, part: SectionKind) {
         other => panic!("{other:?}"),
     }
     gpu.wait_idle().expect("idle");
-    assert_clean(gpu);
+    close_clean(gpu);
 }
 
 #[test]

@@ -1,0 +1,167 @@
+//! The command line of `cairn-player`: pictures, JSON, exit codes, messages.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use cairn_format::Writer;
+use cairn_format::scene::Scene;
+
+fn player(arguments: &[&str]) -> Output {
+    let program = env!("CARGO_BIN_EXE_cairn-player");
+    Command::new(program)
+        .args(arguments)
+        .output()
+        .expect("cairn-player runs")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn path(path: &Path) -> &str {
+    path.to_str().expect("a UTF-8 path")
+}
+
+/// A package of an empty scene: what the command line does with it is the same for any other.
+fn empty_package(folder: &Path) -> PathBuf {
+    let file = folder.join("empty scene.cairn");
+    let bytes = Writer::new()
+        .to_vec(&Scene::empty("empty"), "0")
+        .expect("a package");
+    std::fs::write(&file, bytes).expect("a file");
+    file
+}
+
+fn has_vulkan(test: &str) -> bool {
+    let gpu = cairn_player::gpu::Gpu::new(&cairn_player::gpu::GpuOptions::default());
+    let required = std::env::var_os("CAIRN_REQUIRE_VULKAN").is_some();
+    match gpu {
+        Ok(_) => true,
+        Err(error) => {
+            assert!(!required, "CAIRN_REQUIRE_VULKAN is set, but: {error}");
+            eprintln!("SKIPPED: {test}: {error}");
+            false
+        }
+    }
+}
+
+#[test]
+fn an_empty_scene_is_a_picture_of_nothing() {
+    if !has_vulkan("an_empty_scene_is_a_picture_of_nothing") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let package = empty_package(folder.path());
+    let picture = folder.path().join("out.png");
+    for size in ["1x1", "33x7"] {
+        let done = player(&[
+            path(&package),
+            "--headless",
+            "--size",
+            size,
+            "-o",
+            path(&picture),
+            "--json",
+            "--validation",
+        ]);
+        assert!(done.status.success(), "{}", text(&done.stderr));
+        let json: serde_json::Value =
+            serde_json::from_slice(&done.stdout).expect("one JSON object");
+        assert_eq!(json["non_finite_texels"], 0);
+        assert_eq!(json["draws"]["draws"], 0);
+        assert_eq!(
+            json["validation_messages"].as_array().map(Vec::len),
+            Some(0)
+        );
+        let file = std::fs::File::open(&picture).expect("the picture");
+        let decoder = png::Decoder::new(std::io::BufReader::new(file));
+        let info = decoder.read_info().expect("a PNG").info().size();
+        assert_eq!(format!("{}x{}", info.0, info.1), size);
+    }
+}
+
+#[test]
+fn bad_packages_exit_with_two() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("bad.cairn");
+    let picture = folder.path().join("out.png");
+    let mut cut = std::fs::read(empty_package(folder.path())).expect("a package");
+    cut.pop();
+    for (bytes, expected) in [
+        (
+            b"glTF nonsense, not a package".to_vec(),
+            "not a Cairn package",
+        ),
+        (cut, "bytes long"),
+    ] {
+        std::fs::write(&file, bytes).expect("a file");
+        let done = player(&[path(&file), "--headless", "-o", path(&picture)]);
+        let message = text(&done.stderr);
+        assert_eq!(done.status.code(), Some(2), "{message}");
+        assert!(
+            message.contains("bad.cairn") && message.contains(expected),
+            "{message}"
+        );
+    }
+    let done = player(&[path(&folder.path().join("none.cairn")), "--headless"]);
+    assert!(done.status.code() == Some(2) && text(&done.stderr).contains("none.cairn"));
+    assert!(!picture.exists());
+}
+
+#[test]
+fn unknown_cameras_name_the_known_ones() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let package = empty_package(folder.path());
+    let cameras = folder.path().join("cameras.json");
+    let content = r#"{"cameras": {"front": {"eye": [0, 0, 1], "target": [0, 0, 0], "yfov": 1}}}"#;
+    std::fs::write(&cameras, content).expect("a camera file");
+    for (camera, expected) in [
+        ("nobody", "auto".to_owned()),
+        (&format!("{}:back", path(&cameras)), "front".to_owned()),
+    ] {
+        let done = player(&[path(&package), "--headless", "--camera", camera]);
+        assert_eq!(done.status.code(), Some(2));
+        assert!(
+            text(&done.stderr).contains(&expected),
+            "{}",
+            text(&done.stderr)
+        );
+    }
+}
+
+#[test]
+fn a_missing_device_is_named() {
+    if !has_vulkan("a_missing_device_is_named") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let package = empty_package(folder.path());
+    let done = player(&[path(&package), "--headless", "--device", "no such GPU"]);
+    assert_eq!(done.status.code(), Some(1));
+    assert!(
+        text(&done.stderr).contains("no such GPU"),
+        "{}",
+        text(&done.stderr)
+    );
+}
+
+#[cfg(all(target_os = "linux", feature = "window"))]
+#[test]
+fn without_a_display_the_remedy_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let package = empty_package(folder.path());
+    let program = env!("CARGO_BIN_EXE_cairn-player");
+    let done = Command::new(program)
+        .arg(&package)
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY")
+        .env_remove("WAYLAND_SOCKET")
+        .output()
+        .expect("cairn-player runs");
+    assert_eq!(done.status.code(), Some(1), "{}", text(&done.stderr));
+    assert!(
+        text(&done.stderr).contains("--headless"),
+        "{}",
+        text(&done.stderr)
+    );
+}
