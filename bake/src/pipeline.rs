@@ -246,7 +246,12 @@ fn assemble(
         environment: light,
         brdf_lut,
         provenance: provenance(options, scene, environment),
-        report: prepared.report.iter().cloned().chain(texels.report.iter().map(report_row)).collect(),
+        report: prepared
+            .report
+            .iter()
+            .cloned()
+            .chain(texels.report.iter().map(report_row))
+            .collect(),
     }
 }
 
@@ -353,8 +358,17 @@ fn summarize(
         features: features::names(root.features),
         sections: writer.section_bytes().map(section).collect(),
         geometry: prepared.stats,
-        report: prepared.report.iter().map(|row| geometry_row(row, geometry_seconds)).collect(),
-        diagnostics: scene.diagnostics.iter().chain(&prepared.diagnostics).cloned().collect(),
+        report: prepared
+            .report
+            .iter()
+            .map(|row| geometry_row(row, geometry_seconds))
+            .collect(),
+        diagnostics: scene
+            .diagnostics
+            .iter()
+            .chain(&prepared.diagnostics)
+            .cloned()
+            .collect(),
         ..Summary::default()
     }
 }

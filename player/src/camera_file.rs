@@ -50,7 +50,8 @@ fn parse(text: &str, name: &str) -> Result<Camera, String> {
         ));
     };
     let vectors = [entry.eye, entry.target, entry.up].map(Vec3::from);
-    if !vectors.iter().all(|vector| vector.is_finite()) || !(entry.yfov > 0.0 && entry.yfov < 3.1) {
+    let sane = entry.yfov > 0.0 && entry.yfov < 3.1;
+    if !sane || !vectors.iter().all(|vector| vector.is_finite()) {
         return Err(format!(
             "camera `{name}`: a vector is not finite, or yfov is not in (0, 3.1)"
         ));

@@ -169,7 +169,7 @@ impl FrameGraph<'_> {
     /// Records a pass: barriers for `uses`, then `record`, inside a label and a timer of the pass's name.
     ///
     /// # Panics
-    /// Where a pass uses more than [`MAX_USES`] images, or one image twice.
+    /// Where a pass uses more than `MAX_USES` images, or one image twice.
     pub fn pass(
         &mut self,
         name: &'static CStr,

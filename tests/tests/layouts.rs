@@ -31,9 +31,11 @@ fn structs(shader: &Shader) -> Structs {
     let mut offsets: BTreeMap<(u32, u32), u32> = BTreeMap::new();
     for (op, operands) in instructions(shader) {
         match op {
-            OP_NAME => drop(names.insert(operands[0], text(&operands[1..]))),
+            OP_NAME => {
+                names.insert(operands[0], text(&operands[1..]));
+            }
             OP_MEMBER_NAME => {
-                drop(members.insert((operands[0], operands[1]), text(&operands[2..])))
+                members.insert((operands[0], operands[1]), text(&operands[2..]));
             }
             OP_MEMBER_DECORATE if operands[2] == DECORATION_OFFSET => {
                 offsets.insert((operands[0], operands[1]), operands[3]);
@@ -117,10 +119,14 @@ fn strides_equal_sizes() {
     for (op, operands) in instructions(shader) {
         match op {
             OP_DECORATE if operands[1] == ARRAY_STRIDE => {
-                drop(strides.insert(operands[0], operands[2]))
+                strides.insert(operands[0], operands[2]);
             }
-            OP_TYPE_RUNTIME_ARRAY => drop(arrays.insert(operands[0], operands[1])),
-            OP_NAME => drop(names.insert(operands[0], text(&operands[1..]))),
+            OP_TYPE_RUNTIME_ARRAY => {
+                arrays.insert(operands[0], operands[1]);
+            }
+            OP_NAME => {
+                names.insert(operands[0], text(&operands[1..]));
+            }
             _ => {}
         }
     }

@@ -23,7 +23,7 @@ const ARC_SEGMENTS: usize = 16;
 const WALL_REPEATS: f64 = 0.8;
 const WALL_THICKNESS: f64 = 0.4;
 
-/// A wall panel about x = 0 that stands on y = 0, its faces at z = +-[`WALL_THICKNESS`]/2.
+/// A wall panel about x = 0 that stands on y = 0, its faces at z = +-`WALL_THICKNESS`/2.
 pub fn wall_panel(width: f64, height: f64, opening: Opening) -> Mesh {
     let mut side = Mesh::default();
     panel_face(&mut side, width, height, opening);

@@ -84,7 +84,7 @@ pub fn carving() -> Mesh {
     mesh
 }
 
-/// A round pedestal with mouldings, [`PEDESTAL_HEIGHT`] high.
+/// A round pedestal with mouldings, `PEDESTAL_HEIGHT` high.
 pub fn pedestal() -> Mesh {
     let cove: Vec<(f64, f64)> = (0..=6)
         .map(|i| {

@@ -12,7 +12,7 @@ pub enum MipFilter {
     #[default]
     Box,
     /// Kaiser-windowed sinc, alpha 4, three output texels to each side: sharper and less aliased, rings at
-    /// edges (clamped to [0,1]), and means drift a little at borders that do not wrap.
+    /// edges (clamped to 0..=1), and means drift a little at borders that do not wrap.
     Kaiser,
 }
 

@@ -89,7 +89,7 @@ pub struct EncodedTexture {
 /// What was lost and how long it took. All but the times is deterministic.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TextureReport {
-    /// Of level 0, on the stored values in [0,1] (sRGB-encoded for colour): RGB, RGBA where alpha is used,
+    /// Of level 0, on the stored values in 0..=1 (sRGB-encoded for colour): RGB, RGBA where alpha is used,
     /// or xy. Decibels; infinite where nothing was lost.
     pub psnr_db: f64,
     /// The same for every level, against the f32 mip it was made of.
