@@ -131,7 +131,10 @@ fn examine_features(instance: &Instance, candidate: &mut Candidate) {
             .get_physical_device_features2(candidate.raw, &mut features);
     }
     let v10 = features.features;
-    candidate.anisotropy = v10.sampler_anisotropy == vk::TRUE;
+    // Software drivers spend most of a frame on anisotropic lookups, and lavapipe (Mesa 25.0) returns NaN from
+    // them where the coordinates do not change at all, as on palette textures.
+    let in_hardware = candidate.kind != vk::PhysicalDeviceType::CPU;
+    candidate.anisotropy = in_hardware && v10.sampler_anisotropy == vk::TRUE;
     let needed = [
         (
             v10.texture_compression_bc,
