@@ -77,16 +77,16 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     clock.lap("environment");
 
     progress.update("write", 0.0);
-    let root = assemble(
-        options,
-        &scene,
-        environment.as_ref(),
-        &prepared,
-        &plan,
-        &stored,
-        &texels,
+    let products = Products {
+        scene: &scene,
+        panorama: environment.as_ref(),
+        prepared: &prepared,
+        plan: &plan,
+        stored: &stored,
+        texels: &texels,
         light,
-    );
+    };
+    let root = assemble(options, products);
     let bounds = to_arrays(&prepared.instance_bounds);
     let writer = sections(&prepared, &plan, &bounds, &texels);
     let (package_bytes, content_hash) = write::write(&options.output, &writer, &root)?;
@@ -199,17 +199,28 @@ fn sections<'a>(
     writer
 }
 
-#[allow(clippy::too_many_arguments)]
-fn assemble(
-    options: &Options,
-    scene: &Scene,
-    environment: Option<&EnvironmentImage>,
-    prepared: &Prepared,
-    plan: &Plan,
-    stored: &[u32],
-    texels: &Texels,
-    (light, brdf_lut): StoredLight,
-) -> root::Scene {
+/// What the stages produced, on its way into the root.
+struct Products<'a> {
+    scene: &'a Scene,
+    panorama: Option<&'a EnvironmentImage>,
+    prepared: &'a Prepared,
+    plan: &'a Plan,
+    /// Stored image of each of the plan's images.
+    stored: &'a [u32],
+    texels: &'a Texels,
+    light: StoredLight,
+}
+
+fn assemble(options: &Options, products: Products) -> root::Scene {
+    let Products {
+        scene,
+        panorama,
+        prepared,
+        plan,
+        stored,
+        texels,
+        light: (light, brdf_lut),
+    } = products;
     let environment_bit = if light.is_some() {
         features::ENVIRONMENT
     } else {
@@ -245,7 +256,7 @@ fn assemble(
         cameras: prepared.cameras.clone(),
         environment: light,
         brdf_lut,
-        provenance: provenance(options, scene, environment),
+        provenance: provenance(options, scene, panorama),
         report: prepared
             .report
             .iter()

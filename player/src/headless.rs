@@ -54,6 +54,8 @@ pub struct HeadlessImage {
     pub scene: SceneStats,
     /// Device name.
     pub device: String,
+    /// Driver name and version.
+    pub driver: String,
     /// Messages of the validation layer; empty where it is off or content.
     pub validation: Vec<String>,
 }
@@ -146,6 +148,7 @@ pub fn render_on(
         draws: renderer.draw_stats(),
         scene: scene.stats.clone(),
         device: gpu.device_name().to_owned(),
+        driver: gpu.driver().to_owned(),
         validation: gpu.validation_messages(),
     })
 }

@@ -77,6 +77,7 @@ fn json(
         "package": args.package,
         "package_bytes": package.header().file_length,
         "device": image.device,
+        "driver": image.driver,
         "size": options.size,
         "camera": args.camera,
         "settings": options.settings,

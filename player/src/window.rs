@@ -53,7 +53,18 @@ pub fn run(package: &Package, options: &WindowOptions) -> Result<Vec<String>, Pl
 }
 
 fn no_window(error: &dyn std::fmt::Display) -> PlayerError {
-    let text = format!("{error}; without a display, render with --headless --out FILE.png");
+    let names_a_display = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    let unix = cfg!(all(unix, not(target_os = "macos")));
+    let cause = if unix
+        && !["DISPLAY", "WAYLAND_DISPLAY"]
+            .into_iter()
+            .any(names_a_display)
+    {
+        "neither DISPLAY nor WAYLAND_DISPLAY is set".to_owned()
+    } else {
+        error.to_string()
+    };
+    let text = format!("{cause}; without a display, render with --headless --out FILE.png");
     GpuError::Surface(text).into()
 }
 

@@ -43,6 +43,7 @@ pub(super) struct Shared {
     pub(super) anisotropy: bool,
     pub(super) timestamp_bits: u32,
     pub(super) name: String,
+    pub(super) driver: String,
     debug: Option<ash::ext::debug_utils::Device>,
     allocator: ManuallyDrop<Mutex<Allocator>>,
     timeline: Mutex<Timeline>,
@@ -74,6 +75,11 @@ impl Gpu {
     /// Name of the device.
     pub fn device_name(&self) -> &str {
         &self.shared.name
+    }
+
+    /// Name and version of the driver.
+    pub fn driver(&self) -> &str {
+        &self.shared.driver
     }
 
     /// Limits of the device.
@@ -169,6 +175,7 @@ impl Shared {
             anisotropy: candidate.anisotropy,
             timestamp_bits: candidate.timestamp_bits,
             name: candidate.name,
+            driver: candidate.driver,
             debug,
             allocator: ManuallyDrop::new(Mutex::new(objects.allocator)),
             timeline: Mutex::default(),

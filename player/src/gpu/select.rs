@@ -12,6 +12,8 @@ pub(super) struct Candidate {
     pub(super) raw: vk::PhysicalDevice,
     pub(super) name: String,
     pub(super) kind: vk::PhysicalDeviceType,
+    /// Name and version of the driver; empty before the features were examined.
+    pub(super) driver: String,
     pub(super) queue_family: u32,
     pub(super) timestamp_bits: u32,
     pub(super) anisotropy: bool,
@@ -99,6 +101,7 @@ fn examine(
         raw: device,
         name: name.to_string_lossy().into_owned(),
         kind: properties.device_type,
+        driver: String::new(),
         queue_family: 0,
         timestamp_bits: 0,
         anisotropy: false,
@@ -110,12 +113,32 @@ fn examine(
         candidate.lacks.push(format!("Vulkan 1.3 (has {version})"));
         return candidate;
     }
+    candidate.driver = driver_text(instance, device);
     examine_features(instance, &mut candidate);
     examine_queues(instance, &mut candidate, presents);
     if presents.is_some() && !has_extension(instance, device, ash::khr::swapchain::NAME) {
         candidate.lacks.push("VK_KHR_swapchain".into());
     }
     candidate
+}
+
+/// Name and version of the driver, as it calls itself.
+fn driver_text(instance: &Instance, device: vk::PhysicalDevice) -> String {
+    let mut driver = vk::PhysicalDeviceDriverProperties::default();
+    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
+    // SAFETY: the device was enumerated and knows Vulkan 1.3, of which the driver properties are a part.
+    unsafe {
+        instance
+            .raw
+            .get_physical_device_properties2(device, &mut properties);
+    }
+    let text = |value: Result<&std::ffi::CStr, _>| match value {
+        Ok(text) => text.to_string_lossy().into_owned(),
+        Err(std::ffi::FromBytesUntilNulError { .. }) => String::new(),
+    };
+    let name = text(driver.driver_name_as_c_str());
+    let info = text(driver.driver_info_as_c_str());
+    format!("{name} {info}").trim().to_owned()
 }
 
 fn examine_features(instance: &Instance, candidate: &mut Candidate) {
@@ -215,6 +238,7 @@ mod tests {
             kind,
             queue_family: 0,
             timestamp_bits: 0,
+            driver: String::new(),
             anisotropy: false,
             properties: vk::PhysicalDeviceProperties::default(),
             lacks: lacks.iter().map(|text| (*text).to_owned()).collect(),
