@@ -181,7 +181,7 @@ mod tests {
     use glam::Vec3;
 
     fn textured() -> Scene {
-        let reference = |uv_set| Some(TextureRef { texture: 0, uv_set });
+        let reference = |uv_set| Some(TextureRef::new(0, uv_set));
         Scene {
             images: vec![Image::default()],
             textures: vec![Texture {

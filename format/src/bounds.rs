@@ -8,6 +8,9 @@ use glam::{Mat4, Vec3, Vec4};
 /// Floats to which each of the six arrays is padded.
 pub const LANES: usize = 16;
 
+/// Instances that share one box of the cluster bounds section.
+pub const CLUSTER: usize = 64;
+
 /// An axis-aligned box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
@@ -72,6 +75,12 @@ pub fn to_arrays(boxes: &[Aabb]) -> Vec<f32> {
         }
     }
     arrays
+}
+
+/// Boxes around every [`CLUSTER`] consecutive boxes; the last one may hold fewer.
+pub fn clusters(boxes: &[Aabb]) -> Vec<Aabb> {
+    let union = |chunk: &[Aabb]| chunk.iter().copied().fold(Aabb::EMPTY, Aabb::union);
+    boxes.chunks(CLUSTER).map(union).collect()
 }
 
 /// A borrowed bounds section.

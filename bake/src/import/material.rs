@@ -6,7 +6,7 @@ use gltf::json::material::AlphaMode as AlphaModeJson;
 use gltf::json::validation::Checked;
 
 use crate::diagnostic::Result;
-use crate::scene::{AlphaMode, Material, TextureRef};
+use crate::scene::{AlphaMode, Material, TextureRef, UvTransform};
 
 use super::context::Context;
 
@@ -140,6 +140,7 @@ impl Reader<'_> {
         Ok(TextureRef {
             texture: texture.value() as u32,
             uv_set: if set == 1 { 1 } else { 0 },
+            transform: UvTransform::IDENTITY,
         })
     }
 }
@@ -188,7 +189,7 @@ mod tests {
         let context_of = |index, set| context(&body(index, set));
         let context = context_of(0, 2);
         let material = read(&context, 0).unwrap();
-        let slot = |uv_set| Some(TextureRef { texture: 0, uv_set });
+        let slot = |uv_set| Some(TextureRef::new(0, uv_set));
         assert_eq!(material.normal_texture, slot(0));
         assert_eq!(material.occlusion_texture, slot(1));
         assert_eq!(

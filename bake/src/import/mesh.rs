@@ -69,6 +69,7 @@ impl Reader<'_> {
             tangents: self.vectors(&Semantic::Tangents, count, SIGNED_NORMALIZED)?,
             uv0: self.texture_coordinates(0, count)?,
             uv1: self.texture_coordinates(1, count)?,
+            colors: None,
             indices: self.indices(count)?,
             material: self.material()?,
             positions,

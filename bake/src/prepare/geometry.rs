@@ -154,9 +154,11 @@ impl Stored {
         self.primitives.push(scene::Primitive {
             first_index: self.indices.len() as u32,
             index_count: built.indices.len() as u32,
+            traced_index_count: built.indices.len() as u32,
             first_vertex: self.vertices.len() as u32,
             vertex_count: built.vertices.len() as u32,
             material,
+            opaque: false,
             bounds: bounds(&built.bounds),
         });
         self.vertices.extend_from_slice(&built.vertices);

@@ -6,7 +6,7 @@ use crate::scene::{Material, TextureRef};
 
 fn base_colored(uv_set: u32) -> Material {
     Material {
-        base_color_texture: Some(TextureRef { texture: 0, uv_set }),
+        base_color_texture: Some(TextureRef::new(0, uv_set)),
         ..Material::default()
     }
 }
@@ -47,10 +47,7 @@ fn attributes_are_copied_bit_for_bit() {
     source.positions[4] = [1e7, -1e7, 0.1];
     source.normals.as_mut().expect("grid has normals")[7] = [0.0, -3.5, 0.0];
     let mut material = base_colored(0);
-    material.occlusion_texture = Some(TextureRef {
-        texture: 0,
-        uv_set: 1,
-    });
+    material.occlusion_texture = Some(TextureRef::new(0, 1));
     let built = built(&source, &material);
     assert_welded(&built);
     for (vertex, index) in soup(&built).iter().zip(&source.indices) {

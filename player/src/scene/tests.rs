@@ -45,6 +45,8 @@ impl Parts {
         parts.scene.primitives = vec![Primitive {
             first_index: 0,
             index_count: 3,
+            traced_index_count: 3,
+            opaque: true,
             first_vertex: 0,
             vertex_count: 3,
             material: 0,

@@ -161,6 +161,8 @@ impl Fixture {
             scene.primitives.push(Primitive {
                 first_index: arenas.indices.len() as u32,
                 index_count: object.indices.len() as u32,
+                traced_index_count: object.indices.len() as u32,
+                opaque: true,
                 first_vertex: arenas.vertices.len() as u32,
                 vertex_count: object.vertices.len() as u32,
                 material: object.material,
