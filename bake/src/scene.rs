@@ -299,3 +299,48 @@ pub struct Camera {
     /// Unit up direction (the node's +Y).
     pub up: DVec3,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn assert_near(found: [f32; 2], expected: [f32; 2]) {
+        let distance = (found[0] - expected[0]).hypot(found[1] - expected[1]);
+        assert!(distance < 1e-5, "{found:?} is not {expected:?}");
+    }
+
+    /// The extension's example: offset (0, 1), a quarter turn and scale 0.5 use the lower left
+    /// quadrant of the image, whose v runs down.
+    #[test]
+    fn a_quarter_turn_reads_the_lower_left_quadrant() {
+        let quarter = std::f32::consts::FRAC_PI_2;
+        let transform = UvTransform::new([0.0, 1.0], quarter, [0.5, 0.5]);
+        assert_near(transform.apply([0.0, 0.0]), [0.0, 1.0]);
+        assert_near(transform.apply([1.0, 0.0]), [0.0, 0.5]);
+        assert_near(transform.apply([0.0, 1.0]), [0.5, 1.0]);
+    }
+
+    /// Khronos TextureTransformTest: an arrow drawn along u = v, turned by 22.5 degrees, must
+    /// point to the marker "correct" (0.421, 1.016 below the corner) and not to "error".
+    #[test]
+    fn the_arrow_of_the_conformance_model_points_to_its_mark() {
+        let rotation = std::f32::consts::FRAC_PI_8;
+        let transform = UvTransform::new([0.0; 2], rotation, [1.0; 2]);
+        let [u, v] = transform.apply([0.420_951_8, 1.016_267_5]);
+        assert!((u - v).abs() < 1e-3, "{u} {v}");
+        let [u, v] = transform.apply([1.016_267_5, 0.420_951_8]);
+        assert!((u - v).abs() > 0.5, "{u} {v}");
+    }
+
+    /// Scale comes before rotation, so a non-uniform one does not shear the image.
+    #[test]
+    fn scale_comes_first_and_offset_last() {
+        let transform = UvTransform::new([10.0, 20.0], std::f32::consts::FRAC_PI_2, [2.0, 3.0]);
+        assert_near(transform.apply([1.0, 0.0]), [10.0, 18.0]);
+        assert_near(transform.apply([0.0, 1.0]), [13.0, 20.0]);
+        assert_eq!(
+            UvTransform::new([0.0; 2], 0.0, [1.0; 2]),
+            UvTransform::IDENTITY
+        );
+    }
+}
