@@ -4,7 +4,7 @@ use cairn_format::TextureFormat;
 use rayon::prelude::*;
 
 use super::ispc::{self, BLOCKS_PER_CALL};
-use super::{EncodeOptions, Quality, Role, bc5};
+use super::{EncodeOptions, Kernels, Quality, Role, bc5, bc7};
 
 /// A 4x4 block, decoded to four channels in [0,1]; absent channels are 0, absent alpha 1.
 pub(super) type Block = [[f32; 4]; 16];
@@ -24,7 +24,6 @@ pub(super) struct Image<'a> {
 pub(super) fn compress(role: Role, image: &Image, options: &EncodeOptions) -> Vec<u8> {
     let across = image.width.div_ceil(4) as usize;
     let count = across * image.height.div_ceil(4) as usize;
-    let params = ispc::bc7_params(options.quality);
     let mut out = vec![0_u8; count * 16];
     out.par_chunks_mut(BLOCKS_PER_CALL * 16)
         .enumerate()
@@ -33,35 +32,49 @@ pub(super) fn compress(role: Role, image: &Image, options: &EncodeOptions) -> Ve
                 let index = call * BLOCKS_PER_CALL + index;
                 [index % across, index / across]
             };
-            if role == Role::Normal && options.quality != Quality::Fast {
-                for (index, block) in bytes.as_chunks_mut::<16>().0.iter_mut().enumerate() {
-                    let texels = image.gather(image.exact, position(index));
-                    *block = bc5::compress_block(&texels.map(|texel| {
-                        let [x, y, ..] = role.stored(texel);
-                        [x, y]
-                    }));
-                }
-                return;
+            if role != Role::Normal && options.kernels == Kernels::Native {
+                return image.compress_ispc(options.quality, position, bytes);
             }
-            let count = bytes.len() / 16;
-            let mut blocks = [[0_u32; 16]; BLOCKS_PER_CALL];
-            let mut packed = [[0_u64; 2]; BLOCKS_PER_CALL];
-            for (index, block) in blocks[..count].iter_mut().enumerate() {
-                *block = image
-                    .gather(image.codes, position(index))
-                    .map(u32::from_le_bytes);
+            for (index, block) in bytes.as_chunks_mut::<16>().0.iter_mut().enumerate() {
+                *block = image.compress_block(role, options, position(index));
             }
-            let (blocks, packed) = (&blocks[..count], &mut packed[..count]);
-            match role {
-                Role::Color | Role::Data => ispc::bc7(options.kernels, &params, blocks, packed),
-                Role::Normal => ispc::bc5(options.kernels, blocks, packed),
-            }
-            bytes.copy_from_slice(bytemuck::cast_slice(packed));
         });
     out
 }
 
 impl Image<'_> {
+    /// One block by our own encoders.
+    fn compress_block(&self, role: Role, options: &EncodeOptions, block: [usize; 2]) -> [u8; 16] {
+        if role == Role::Normal {
+            let texels = self.gather(self.exact, block);
+            return bc5::compress_block(&texels.map(|texel| {
+                let [x, y, ..] = role.stored(texel);
+                [x, y]
+            }));
+        }
+        bc7::compress_block(&self.gather(self.codes, block), options.quality)
+    }
+
+    /// The colour or data blocks at `position` by the ISPC kernels, `BLOCKS_PER_CALL` at most.
+    fn compress_ispc(
+        &self,
+        quality: Quality,
+        position: impl Fn(usize) -> [usize; 2],
+        bytes: &mut [u8],
+    ) {
+        let count = bytes.len() / 16;
+        let mut blocks = [[0_u32; 16]; BLOCKS_PER_CALL];
+        let mut packed = [[0_u64; 2]; BLOCKS_PER_CALL];
+        for (index, block) in blocks[..count].iter_mut().enumerate() {
+            *block = self
+                .gather(self.codes, position(index))
+                .map(u32::from_le_bytes);
+        }
+        let (blocks, packed) = (&blocks[..count], &mut packed[..count]);
+        ispc::bc7(quality, blocks, packed);
+        bytes.copy_from_slice(bytemuck::cast_slice(packed));
+    }
+
     /// The 16 texels of the block at `[column, row]`.
     fn gather<T: Copy>(&self, texels: &[T], block: [usize; 2]) -> [T; 16] {
         let (width, height) = (self.width as usize, self.height as usize);
