@@ -5,7 +5,7 @@ use cairn_format::gpu;
 
 use crate::encode::{AlphaUse, Role};
 use crate::prepare::MaterialUse;
-use crate::scene::{AlphaMode, Material, Sampler, Scene, TextureRef};
+use crate::scene::{AlphaMode, Material, Sampler, Scene, TextureRef, UvTransform};
 
 /// An image to encode: the same glTF image in two roles is two of these.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,11 +18,12 @@ pub struct ImageUse {
     pub sampler: Sampler,
 }
 
-/// A texture slot: indices into [`Plan::images`] and [`Plan::samplers`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A texture slot: indices into [`Plan::images`] and [`Plan::samplers`], and what happens to the coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slot {
     pub image: u32,
     pub sampler: u32,
+    pub transform: UvTransform,
 }
 
 /// What the materials of a package need.
@@ -30,7 +31,10 @@ pub struct Slot {
 pub struct Plan {
     pub images: Vec<ImageUse>,
     pub samplers: Vec<Sampler>,
+    /// No two are equal.
     pub slots: Vec<Slot>,
+    /// One per slot; empty where all are the identity.
+    pub transforms: Vec<gpu::TextureTransform>,
     /// One record per used material.
     pub materials: Vec<gpu::Material>,
     pub names: Vec<String>,
@@ -51,7 +55,21 @@ pub fn plan(scene: &Scene, used: &[Option<u32>]) -> Plan {
         plan.materials.push(record);
         plan.names.push(material.name.clone());
     }
+    let moves = |slot: &Slot| slot.transform != UvTransform::IDENTITY;
+    if plan.slots.iter().any(moves) {
+        plan.transforms = plan.slots.iter().map(transform).collect();
+        plan.features |= features::TEXTURE_TRANSFORMS;
+    }
     plan
+}
+
+fn transform(slot: &Slot) -> gpu::TextureTransform {
+    gpu::TextureTransform {
+        matrix: slot.transform.matrix,
+        offset: slot.transform.offset,
+        pad_24: 0,
+        pad_28: 0,
+    }
 }
 
 impl Plan {
@@ -111,6 +129,7 @@ impl Plan {
         let slot = Slot {
             image,
             sampler: find_or_push(&mut self.samplers, sampler),
+            transform: reference.transform,
         };
         let slot = find_or_push(&mut self.slots, slot);
         self.features |= features::TEXTURES;
@@ -181,7 +200,7 @@ mod tests {
     use glam::Vec3;
 
     fn textured() -> Scene {
-        let reference = |uv_set| Some(TextureRef { texture: 0, uv_set });
+        let reference = |uv_set| Some(TextureRef::new(0, uv_set));
         Scene {
             images: vec![Image::default()],
             textures: vec![Texture {
@@ -224,6 +243,33 @@ mod tests {
         let unlit = plan(&scene, &[Some(0)]);
         assert_eq!(unlit.images.len(), 1);
         assert_eq!(unlit.materials[0].double_sided, gpu::MATERIAL_UNLIT);
+    }
+
+    #[test]
+    fn transforms_make_slots_of_their_own() {
+        let mut scene = textured();
+        assert!(plan(&scene, &[Some(0)]).transforms.is_empty());
+        let turned = UvTransform::new([0.5, 0.0], 1.0, [2.0, -1.0]);
+        let mut moved = scene.materials[0].clone();
+        for reference in [
+            &mut moved.base_color_texture,
+            &mut moved.metallic_roughness_texture,
+        ] {
+            reference.as_mut().expect("textured").transform = turned;
+        }
+        scene.materials.push(moved);
+        let plan = plan(&scene, &[Some(0), Some(1)]);
+        assert_eq!(plan.images.len(), 2, "the mip filter ignores the transform");
+        assert_eq!((plan.slots.len(), plan.transforms.len()), (4, 4));
+        assert_eq!(plan.materials[1].base_color_tex, 2);
+        assert_eq!(
+            plan.materials[1].metallic_roughness_tex,
+            3 | gpu::TEXTURE_UV1
+        );
+        assert_eq!(plan.transforms[1].matrix, [1.0, 0.0, 0.0, 1.0]);
+        assert_eq!(plan.transforms[2].matrix, turned.matrix);
+        assert_eq!(plan.transforms[3].offset, [0.5, 0.0]);
+        assert!(plan.features & features::TEXTURE_TRANSFORMS != 0);
     }
 
     #[test]

@@ -13,7 +13,7 @@ use crate::diagnostic::{BakeError, Result};
 use crate::encode::{EncodeOptions, Kernels, Quality};
 use crate::import::{EnvironmentImage, import, load_environment};
 use crate::materials::{self, Plan};
-use crate::prepare::{Prepared, prepare};
+use crate::prepare::{Prepared, StepTime, prepare};
 use crate::progress::Progress;
 use crate::report::{Row, Section, Stage, Summary};
 use crate::scene::{Origin, Sampler, Scene, Source, Wrap};
@@ -41,7 +41,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     refuse_to_overwrite_an_input(options)?;
 
     progress.update("import", 0.0);
-    let scene = import(&options.input)?;
+    let mut scene = import(&options.input)?;
     let environment = options
         .environment
         .as_deref()
@@ -49,7 +49,9 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         .transpose()?;
     clock.lap("import");
 
-    let prepared = prepare(&scene, &|fraction| progress.update("geometry", fraction))?;
+    let prepared = prepare(&mut scene, &|fraction| {
+        progress.update("geometry", fraction)
+    })?;
     let geometry_seconds = clock.lap("geometry");
 
     let plan = materials::plan(&scene, &prepared.materials_used);
@@ -87,7 +89,8 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         light,
     };
     let root = assemble(options, products);
-    let bounds = to_arrays(&prepared.instance_bounds);
+    let bounds =
+        [&prepared.instance_bounds, &prepared.cluster_bounds].map(|boxes| to_arrays(boxes));
     let writer = sections(&prepared, &plan, &bounds, &texels);
     let (package_bytes, content_hash) = write::write(&options.output, &writer, &root)?;
     clock.lap("write");
@@ -103,6 +106,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     summary.package_bytes = package_bytes;
     summary.content_hash = hex(&content_hash);
     summary.stages = clock.stages;
+    summary.peak_memory_bytes = peak_memory();
     summary.seconds = start.elapsed().as_secs_f64();
     Ok(summary)
 }
@@ -176,7 +180,7 @@ fn store_environment(
 fn sections<'a>(
     prepared: &'a Prepared,
     plan: &'a Plan,
-    bounds: &'a [f32],
+    [instance_bounds, cluster_bounds]: &'a [Vec<f32>; 2],
     texels: &'a Texels,
 ) -> Writer<'a> {
     let mut writer = Writer::new();
@@ -189,12 +193,19 @@ fn sections<'a>(
         .records(SectionKind::Instances, &prepared.instances)
         .bytes(
             SectionKind::InstanceBounds,
-            bytemuck::cast_slice::<_, u8>(bounds),
+            bytemuck::cast_slice::<_, u8>(instance_bounds),
+        )
+        .bytes(
+            SectionKind::ClusterBounds,
+            bytemuck::cast_slice::<_, u8>(cluster_bounds),
         )
         .records(SectionKind::DrawGroups, &prepared.draw_groups)
         .records(SectionKind::MeshInstances, &prepared.mesh_instances)
         .records(SectionKind::Materials, &plan.materials)
         .records(SectionKind::DirectionalLights, &prepared.directional_lights)
+        .records(SectionKind::EmissiveTriangles, &prepared.emissive_triangles)
+        .records(SectionKind::TextureTransforms, &plan.transforms)
+        .records(SectionKind::VertexColors, &prepared.colors)
         .bytes(SectionKind::Texels, texels.bytes.as_slice());
     writer
 }
@@ -372,8 +383,9 @@ fn summarize(
         report: prepared
             .report
             .iter()
-            .map(|row| geometry_row(row, geometry_seconds))
+            .map(|row| geometry_row(row, &prepared.steps, geometry_seconds))
             .collect(),
+        geometry_steps: prepared.steps.clone(),
         diagnostics: scene
             .diagnostics
             .iter()
@@ -384,22 +396,79 @@ fn summarize(
     }
 }
 
-/// Geometry is measured as a whole: each of its rows states the stage's time.
-fn geometry_row(row: &ReportRow, seconds: f64) -> Row {
+/// A row that is named after a step states its time and speed, others state the time of the whole stage.
+fn geometry_row(row: &ReportRow, steps: &[StepTime], seconds: f64) -> Row {
+    let step = steps.iter().find(|step| row.item == step.name);
     Row {
         stage: row.stage.clone(),
         item: row.item.clone(),
         setting: row.setting.clone(),
-        seconds,
-        throughput: None,
-        throughput_unit: "",
+        seconds: step.map_or(seconds, |step| step.seconds),
+        throughput: step.and_then(StepTime::mega_triangles_per_second),
+        throughput_unit: "Mtri/s",
         metric: row.metric.clone(),
         error: row.error,
         bytes: row.bytes,
     }
 }
 
+/// Most memory that this process has held so far, by Linux's account; `None` elsewhere.
+fn peak_memory() -> Option<u64> {
+    resident_peak(&std::fs::read_to_string("/proc/self/status").ok()?)
+}
+
+fn resident_peak(status: &str) -> Option<u64> {
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    kilobytes.checked_mul(1024)
+}
+
 /// Lower-case hexadecimal.
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_of_steps_have_their_time() {
+        let row = |item: &str| ReportRow {
+            stage: "geometry".into(),
+            item: item.into(),
+            setting: String::new(),
+            metric: String::new(),
+            error: 0.0,
+            bytes: 0,
+        };
+        let step = StepTime {
+            name: "weld",
+            seconds: 0.5,
+            triangles: 2_000_000,
+        };
+        let weld = geometry_row(&row("weld"), &[step], 9.0);
+        assert_eq!((weld.seconds, weld.throughput), (0.5, Some(4.0)));
+        let other = geometry_row(&row("instance bounds"), &[step], 9.0);
+        assert_eq!((other.seconds, other.throughput), (9.0, None));
+    }
+
+    #[test]
+    fn the_peak_is_read_from_the_status() {
+        let status = "Name:\tbake\nVmPeak:\t  9000 kB\nVmHWM:\t    1234 kB\nThreads:\t2\n";
+        assert_eq!(resident_peak(status), Some(1234 * 1024));
+        for broken in [
+            "",
+            "VmHWM:\t12 MB",
+            "VmHWM:\tkB",
+            "VmHWM: 99999999999999999999 kB",
+        ] {
+            assert_eq!(resident_peak(broken), None);
+        }
+        if cfg!(target_os = "linux") {
+            assert!(peak_memory().is_some_and(|bytes| bytes > 1 << 20));
+        }
+    }
 }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use serde::Serialize;
 
 use crate::diagnostic::Diagnostic;
-use crate::prepare::GeometryStats;
+use crate::prepare::{GeometryStats, StepTime};
 
 /// One row of the speed-against-error report.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -63,9 +63,13 @@ pub struct Summary {
     pub content_hash: String,
     pub stages: Vec<Stage>,
     pub geometry: GeometryStats,
+    /// Times of the steps of the geometry stage, summed over threads.
+    pub geometry_steps: Vec<StepTime>,
     pub report: Vec<Row>,
     pub diagnostics: Vec<Diagnostic>,
     pub seconds: f64,
+    /// Most memory that the process held; known on Linux alone.
+    pub peak_memory_bytes: Option<u64>,
 }
 
 impl Summary {
@@ -116,10 +120,28 @@ impl Summary {
             writeln!(out, "  {:<20}{:>12.3} s", stage.name, stage.seconds)?;
         }
         writeln!(out, "  {:<20}{:>12.3} s", "total", self.seconds)?;
+        if let Some(peak) = self.peak_memory_bytes {
+            writeln!(out, "  {:<20}{:>14}", "peak memory", bytes(peak))?;
+        }
         if verbose {
+            self.write_steps(out)?;
             self.write_report(out)?;
         } else {
             self.write_worst(out)?;
+        }
+        Ok(())
+    }
+
+    fn write_steps(&self, out: &mut String) -> std::fmt::Result {
+        for step in &self.geometry_steps {
+            let speed = step
+                .mega_triangles_per_second()
+                .map_or_else(String::new, |speed| format!("{speed:.2} Mtri/s"));
+            writeln!(
+                out,
+                "    {:<18}{:>12.3} s {:>16}",
+                step.name, step.seconds, speed
+            )?;
         }
         Ok(())
     }
@@ -206,6 +228,25 @@ mod tests {
             error,
             bytes: 16,
         }
+    }
+
+    #[test]
+    fn peak_and_steps_are_shown_where_known() {
+        let mut summary = Summary::default();
+        assert!(!summary.text(true).contains("peak memory"));
+        summary.peak_memory_bytes = Some(12_340_000);
+        summary.geometry_steps = vec![StepTime {
+            name: "weld",
+            seconds: 0.5,
+            triangles: 3_000_000,
+        }];
+        let text = summary.text(true);
+        assert!(
+            text.contains("peak memory") && text.contains("12.34 MB"),
+            "{text}"
+        );
+        assert!(text.contains("6.00 Mtri/s"), "{text}");
+        assert!(!summary.text(false).contains("Mtri/s"));
     }
 
     #[test]

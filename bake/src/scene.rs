@@ -15,7 +15,7 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     pub images: Vec<Image>,
     pub samplers: Vec<Sampler>,
-    /// One per node that carries a mesh, in depth-first scene order.
+    /// One per node that carries a mesh, and per instance of `EXT_mesh_gpu_instancing`, in depth-first scene order.
     pub instances: Vec<MeshInstance>,
     pub lights: Vec<Light>,
     pub cameras: Vec<Camera>,
@@ -50,6 +50,8 @@ pub struct Primitive {
     pub tangents: Option<Vec<[f32; 4]>>,
     pub uv0: Option<Vec<[f32; 2]>>,
     pub uv1: Option<Vec<[f32; 2]>>,
+    /// `COLOR_0`, linear RGBA; RGB colours have alpha 1.
+    pub colors: Option<Vec<[f32; 4]>>,
     pub indices: Vec<u32>,
     /// Index into `Scene::materials`; `None` is glTF's default material.
     pub material: Option<u32>,
@@ -63,12 +65,72 @@ pub enum AlphaMode {
 }
 
 /// A texture as a material slot uses it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureRef {
     /// Index into `Scene::textures`.
     pub texture: u32,
     /// 0 or 1: `uv0` or `uv1`.
     pub uv_set: u32,
+    /// `KHR_texture_transform`.
+    pub transform: UvTransform,
+}
+
+impl TextureRef {
+    /// A texture without a transform.
+    pub fn new(texture: u32, uv_set: u32) -> Self {
+        Self {
+            texture,
+            uv_set,
+            transform: UvTransform::IDENTITY,
+        }
+    }
+}
+
+/// An affine map of texture coordinates: scale, then rotation, then offset (`KHR_texture_transform`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UvTransform {
+    /// Columns of the 2x2 matrix.
+    pub matrix: [f32; 4],
+    pub offset: [f32; 2],
+}
+
+impl UvTransform {
+    pub const IDENTITY: Self = Self {
+        matrix: [1.0, 0.0, 0.0, 1.0],
+        offset: [0.0; 2],
+    };
+
+    /// The transform of the extension: offset, counter-clockwise rotation in radians, scale.
+    pub fn new(offset: [f32; 2], rotation: f32, scale: [f32; 2]) -> Self {
+        let (sine, cosine) = (
+            libm::sin(f64::from(rotation)) as f32,
+            libm::cos(f64::from(rotation)) as f32,
+        );
+        Self {
+            matrix: [
+                cosine * scale[0],
+                -sine * scale[0],
+                sine * scale[1],
+                cosine * scale[1],
+            ],
+            offset,
+        }
+    }
+
+    /// The transformed coordinates.
+    pub fn apply(&self, [u, v]: [f32; 2]) -> [f32; 2] {
+        let [a, b, c, d] = self.matrix;
+        [
+            a * u + c * v + self.offset[0],
+            b * u + d * v + self.offset[1],
+        ]
+    }
+}
+
+impl Default for UvTransform {
+    fn default() -> Self {
+        Self::IDENTITY
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -236,4 +298,49 @@ pub struct Camera {
     pub forward: DVec3,
     /// Unit up direction (the node's +Y).
     pub up: DVec3,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn assert_near(found: [f32; 2], expected: [f32; 2]) {
+        let distance = (found[0] - expected[0]).hypot(found[1] - expected[1]);
+        assert!(distance < 1e-5, "{found:?} is not {expected:?}");
+    }
+
+    /// The extension's example: offset (0, 1), a quarter turn and scale 0.5 use the lower left
+    /// quadrant of the image, whose v runs down.
+    #[test]
+    fn a_quarter_turn_reads_the_lower_left_quadrant() {
+        let quarter = std::f32::consts::FRAC_PI_2;
+        let transform = UvTransform::new([0.0, 1.0], quarter, [0.5, 0.5]);
+        assert_near(transform.apply([0.0, 0.0]), [0.0, 1.0]);
+        assert_near(transform.apply([1.0, 0.0]), [0.0, 0.5]);
+        assert_near(transform.apply([0.0, 1.0]), [0.5, 1.0]);
+    }
+
+    /// Khronos TextureTransformTest: an arrow drawn along u = v, turned by 22.5 degrees, must
+    /// point to the marker "correct" (0.421, 1.016 below the corner) and not to "error".
+    #[test]
+    fn the_arrow_of_the_conformance_model_points_to_its_mark() {
+        let rotation = std::f32::consts::FRAC_PI_8;
+        let transform = UvTransform::new([0.0; 2], rotation, [1.0; 2]);
+        let [u, v] = transform.apply([0.420_951_8, 1.016_267_5]);
+        assert!((u - v).abs() < 1e-3, "{u} {v}");
+        let [u, v] = transform.apply([1.016_267_5, 0.420_951_8]);
+        assert!((u - v).abs() > 0.5, "{u} {v}");
+    }
+
+    /// Scale comes before rotation, so a non-uniform one does not shear the image.
+    #[test]
+    fn scale_comes_first_and_offset_last() {
+        let transform = UvTransform::new([10.0, 20.0], std::f32::consts::FRAC_PI_2, [2.0, 3.0]);
+        assert_near(transform.apply([1.0, 0.0]), [10.0, 18.0]);
+        assert_near(transform.apply([0.0, 1.0]), [13.0, 20.0]);
+        assert_eq!(
+            UvTransform::new([0.0; 2], 0.0, [1.0; 2]),
+            UvTransform::IDENTITY
+        );
+    }
 }

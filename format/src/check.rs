@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-use crate::bounds::padded;
+use crate::bounds::{CLUSTER, padded};
 use crate::error::{Error, Part, Result};
 use crate::gpu::{
     ALPHA_BLEND, DRAW_DOUBLE_SIDED, DRAW_MIRRORED, DrawGroup, Instance, MATERIAL_DOUBLE_SIDED,
-    MATERIAL_UNLIT, Material, MeshInstance, NO_TEXTURE, TEXTURE_UV1,
+    MATERIAL_UNLIT, Material, MeshInstance, NO_TEXTURE, TEXTURE_UV1, TextureTransform,
 };
 use crate::header::{
     ALIGNMENT, ENTRY_BYTES, FORMAT_VERSION, HEADER_BYTES, Header, MAGIC, PAGE, SectionEntry,
@@ -187,6 +187,7 @@ fn counts(package: &Package, scene: &ArchivedScene) -> Result<()> {
         let what = format!("{floats} floats do not fit {instances} instances");
         return Err(section_error(SectionKind::InstanceBounds, 0, what));
     }
+    optional_counts(package, scene)?;
     if scene.features.to_native() & !crate::features::ALL != 0 {
         return Err(root_error(format!(
             "unknown feature bits {:#x}",
@@ -195,6 +196,32 @@ fn counts(package: &Package, scene: &ArchivedScene) -> Result<()> {
     }
     if !bounds(&scene.bounds) {
         return Err(root_error("scene bounds are not finite and ordered"));
+    }
+    Ok(())
+}
+
+/// Sections that go along with another: absent, or of exactly its count.
+fn optional_counts(package: &Package, scene: &ArchivedScene) -> Result<()> {
+    let clusters = package
+        .count(SectionKind::Instances)
+        .div_ceil(CLUSTER as u64) as usize;
+    let expected = [
+        (SectionKind::TextureTransforms, scene.textures.len() as u64),
+        (
+            SectionKind::VertexColors,
+            package.count(SectionKind::Vertices),
+        ),
+        (SectionKind::ClusterBounds, padded(clusters) as u64 * 6),
+    ];
+    for (kind, expected) in expected {
+        let count = package.count(kind);
+        if package.entry(kind).is_some() && count != expected {
+            return Err(section_error(
+                kind,
+                0,
+                format!("{count} records, not {expected}"),
+            ));
+        }
     }
     Ok(())
 }
@@ -226,6 +253,10 @@ fn primitives(package: &Package, scene: &ArchivedScene) -> Result<()> {
         );
         if range(first, count, indices).is_none() || count % 3 != 0 {
             return fail(format!("indices {first}+{count} of {indices}"));
+        }
+        let traced = primitive.traced_index_count.to_native();
+        if traced > count || traced % 3 != 0 {
+            return fail(format!("{traced} traced indices of {count}"));
         }
         let (first, count) = (
             primitive.first_vertex.to_native(),
@@ -485,7 +516,22 @@ pub(crate) fn bulk(package: &Package) -> Result<()> {
     let materials = package.count(SectionKind::Materials) as u32;
     instances(package.instances()?, 0, materials)?;
     mesh_instances(package.mesh_instances()?, package.scene())?;
-    instance_bounds(package)
+    instance_bounds(package)?;
+    texture_transforms(package.texture_transforms()?)
+}
+
+/// Texture transforms are finite.
+pub fn texture_transforms(transforms: &[TextureTransform]) -> Result<()> {
+    let bad = transforms
+        .iter()
+        .position(|transform| !finite(&transform.matrix) || !finite(&transform.offset));
+    match bad {
+        Some(index) => {
+            let what = format!("transform {index} is not finite");
+            Err(section_error(SectionKind::TextureTransforms, index, what))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Vertices are finite. `first` is the index of the first one, for messages.

@@ -23,8 +23,13 @@ pub const TEXTURES: u32 = 1 << 9;
 /// Some material is unlit.
 pub const UNLIT: u32 = 1 << 10;
 
+/// The texture transform section is present.
+pub const TEXTURE_TRANSFORMS: u32 = 1 << 11;
+/// The vertex colour section is present.
+pub const VERTEX_COLORS: u32 = 1 << 12;
+
 /// Name of every bit, lowest first.
-pub const NAMES: [(u32, &str); 11] = [
+pub const NAMES: [(u32, &str); 13] = [
     (MASK, "mask"),
     (BLEND, "blend"),
     (DOUBLE_SIDED, "double-sided"),
@@ -36,6 +41,8 @@ pub const NAMES: [(u32, &str); 11] = [
     (ENVIRONMENT, "environment"),
     (TEXTURES, "textures"),
     (UNLIT, "unlit"),
+    (TEXTURE_TRANSFORMS, "texture-transforms"),
+    (VERTEX_COLORS, "vertex-colors"),
 ];
 
 /// Bits that have a meaning.

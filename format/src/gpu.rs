@@ -451,6 +451,30 @@ gpu_record! {
     }
 }
 
+gpu_record! {
+    /// Transform of the texture coordinates of one 2D slot: set 0, binding 9 (`KHR_texture_transform`).
+    pub struct TextureTransform: 32 {
+        /// Columns of a 2x2 matrix: `uv' = matrix * uv + offset`.
+        pub matrix: [f32; 4] = 0,
+        /// Added after the matrix.
+        pub offset: [f32; 2] = 16,
+        /// Zero.
+        pub pad_24: u32 = 24,
+        /// Zero.
+        pub pad_28: u32 = 28,
+    }
+}
+
+gpu_record! {
+    /// Colour of one vertex, four 16-bit unsigned normalised channels: set 0, binding 10.
+    pub struct VertexColor: 8 {
+        /// Red in the low half, green in the high half; linear.
+        pub red_green: u32 = 0,
+        /// Blue in the low half, alpha in the high half.
+        pub blue_alpha: u32 = 4,
+    }
+}
+
 /// A texture reference that names no texture.
 pub const NO_TEXTURE: u32 = u32::MAX;
 /// Bit of a texture reference: sample with the second texture coordinates.
@@ -516,6 +540,8 @@ pub fn records() -> Vec<(&'static str, usize, &'static [Field])> {
         row::<PathTracePush>(),
         row::<DrawGroup>(),
         row::<MeshInstance>(),
+        row::<TextureTransform>(),
+        row::<VertexColor>(),
     ]
 }
 

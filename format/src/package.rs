@@ -15,7 +15,10 @@ use rkyv::util::AlignedVec;
 use crate::bounds::BoundsView;
 use crate::check;
 use crate::error::{Error, Part, Result};
-use crate::gpu::{DirectionalLight, DrawGroup, Instance, Material, MeshInstance};
+use crate::gpu::{
+    DirectionalLight, DrawGroup, EmissiveTriangle, Instance, Material, MeshInstance,
+    TextureTransform, VertexColor,
+};
 use crate::header::{ENTRY_BYTES, HEADER_BYTES, Header, SectionEntry};
 use crate::scene::ArchivedScene;
 use crate::section::SectionKind;
@@ -209,6 +212,31 @@ impl Package {
                 format!("{} floats do not fit {count} instances", arrays.len()),
             )
         })
+    }
+
+    /// World bounds of every [`crate::bounds::CLUSTER`] consecutive instances; `None` where the section is absent.
+    pub fn cluster_bounds(&self) -> Result<Option<BoundsView<'_>>> {
+        let arrays: &[f32] = self.records(SectionKind::ClusterBounds)?;
+        let instances = self.count(SectionKind::Instances) as usize;
+        Ok(
+            BoundsView::new(arrays, instances.div_ceil(crate::bounds::CLUSTER))
+                .filter(|_| !arrays.is_empty()),
+        )
+    }
+
+    /// Texture coordinate transforms, one per 2D slot; empty where all are the identity.
+    pub fn texture_transforms(&self) -> Result<&[TextureTransform]> {
+        self.records(SectionKind::TextureTransforms)
+    }
+
+    /// Vertex colours, one per vertex of the arena; empty where no primitive has any.
+    pub fn vertex_colors(&self) -> Result<&[VertexColor]> {
+        self.records(SectionKind::VertexColors)
+    }
+
+    /// Emissive triangles in world space.
+    pub fn emissive_triangles(&self) -> Result<&[EmissiveTriangle]> {
+        self.records(SectionKind::EmissiveTriangles)
     }
 
     /// Draw groups.

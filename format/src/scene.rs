@@ -121,12 +121,16 @@ root_struct! {
         pub first_index: u32,
         /// Indices, a multiple of three.
         pub index_count: u32,
+        /// Leading indices whose triangles have an area: the acceleration structure takes only these.
+        pub traced_index_count: u32,
         /// First vertex in the vertex arena; indices are relative to it.
         pub first_vertex: u32,
         /// Vertices.
         pub vertex_count: u32,
         /// Material record.
         pub material: u32,
+        /// Whether every ray that hits it stops: the geometry's `OPAQUE` flag.
+        pub opaque: bool,
         /// Object-space bounds.
         pub bounds: Bounds,
     }

@@ -28,11 +28,17 @@ pub enum SectionKind {
     EmissiveTriangles = 11,
     /// [`crate::gpu::EmissiveAliasHeader`] and entries, 4-byte words.
     EmissiveAlias = 12,
+    /// [`crate::gpu::TextureTransform`], one per 2D slot; absent where all are the identity.
+    TextureTransforms = 13,
+    /// [`crate::gpu::VertexColor`], one per vertex of the arena; absent where no primitive has colours.
+    VertexColors = 14,
+    /// World bounds of every 64 consecutive instances, structure of arrays as the instances' own.
+    ClusterBounds = 15,
 }
 
 impl SectionKind {
     /// Every kind, in file order.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 15] = [
         Self::Vertices,
         Self::Indices,
         Self::Instances,
@@ -45,6 +51,9 @@ impl SectionKind {
         Self::EnvAlias,
         Self::EmissiveTriangles,
         Self::EmissiveAlias,
+        Self::TextureTransforms,
+        Self::VertexColors,
+        Self::ClusterBounds,
     ];
 
     /// The kind of a discriminant read from a file.
@@ -57,8 +66,13 @@ impl SectionKind {
         match self {
             Self::Vertices => 56,
             Self::Instances => 128,
-            Self::Indices | Self::InstanceBounds | Self::EnvAlias | Self::EmissiveAlias => 4,
-            Self::DrawGroups | Self::DirectionalLights => 32,
+            Self::Indices
+            | Self::InstanceBounds
+            | Self::EnvAlias
+            | Self::EmissiveAlias
+            | Self::ClusterBounds => 4,
+            Self::DrawGroups | Self::DirectionalLights | Self::TextureTransforms => 32,
+            Self::VertexColors => 8,
             Self::MeshInstances => 64,
             Self::Materials => 80,
             Self::Texels => 1,
@@ -81,6 +95,9 @@ impl SectionKind {
             Self::EnvAlias => "env-alias",
             Self::EmissiveTriangles => "emissive-triangles",
             Self::EmissiveAlias => "emissive-alias",
+            Self::TextureTransforms => "texture-transforms",
+            Self::VertexColors => "vertex-colors",
+            Self::ClusterBounds => "cluster-bounds",
         }
     }
 }

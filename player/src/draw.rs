@@ -4,6 +4,9 @@ use cairn_format::gpu::{ALPHA_BLEND, ALPHA_MASK, DRAW_DOUBLE_SIDED, DRAW_MIRRORE
 use cairn_format::{BoundsView, Frustum};
 use glam::Vec3;
 
+/// Instances from which a range pays for the test of its clusters.
+const CLUSTERED: usize = 128;
+
 /// One `vkCmdDrawIndexed`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Draw {
@@ -38,12 +41,13 @@ pub struct DrawStats {
 }
 
 impl DrawList {
-    /// Culls every group against the frustum and sorts what blends by squared distance from `eye` to the
-    /// centre of its box.
+    /// Culls every group against the frustum, in one call where groups adjoin, and sorts what blends by squared
+    /// distance from `eye` to the centre of its box.
     pub fn build(
         &mut self,
         groups: &[DrawGroup],
         bounds: &BoundsView,
+        clusters: Option<&BoundsView>,
         frustum: &Frustum,
         eye: Vec3,
     ) {
@@ -52,30 +56,53 @@ impl DrawList {
         self.blend.clear();
         self.visible.clear();
         self.sorted.clear();
-        for group in groups {
-            let first_visible = self.visible.len() as u32;
-            let range = group.first_instance..group.first_instance + group.instance_count;
-            frustum.cull(bounds, range, &mut self.visible);
-            let count = self.visible.len() as u32 - first_visible;
-            if count == 0 || group.index_count == 0 {
-                continue;
+        let adjoin =
+            |a: &DrawGroup, b: &DrawGroup| a.first_instance + a.instance_count == b.first_instance;
+        for run in groups.chunk_by(adjoin) {
+            let (first, last) = (run[0], run[run.len() - 1]);
+            let range = first.first_instance..last.first_instance + last.instance_count;
+            let mut seen = self.visible.len();
+            match clusters.filter(|_| range.len() >= CLUSTERED) {
+                Some(clusters) => {
+                    frustum.cull_clustered(bounds, clusters, range, &mut self.visible);
+                }
+                None => frustum.cull(bounds, range, &mut self.visible),
             }
-            let draw = Draw {
-                first_index: group.first_index,
-                index_count: group.index_count,
-                vertex_offset: group.vertex_offset as i32,
-                first_visible,
-                instance_count: count,
-                double_sided: group.flags & DRAW_DOUBLE_SIDED != 0,
-                mirrored: group.flags & DRAW_MIRRORED != 0,
-            };
-            match group.alpha_mode {
-                ALPHA_BLEND => self.push_blend(draw, bounds, eye),
-                ALPHA_MASK => self.masked.push(draw),
-                _ => self.opaque.push(draw),
+            for group in run {
+                let end = group.first_instance + group.instance_count;
+                let count = shown_below(&self.visible[seen..], end);
+                self.push(group, seen as u32, count as u32, bounds, eye);
+                seen += count;
             }
         }
         self.sort_blend();
+    }
+
+    fn push(
+        &mut self,
+        group: &DrawGroup,
+        first_visible: u32,
+        instance_count: u32,
+        bounds: &BoundsView,
+        eye: Vec3,
+    ) {
+        if instance_count == 0 || group.index_count == 0 {
+            return;
+        }
+        let draw = Draw {
+            first_index: group.first_index,
+            index_count: group.index_count,
+            vertex_offset: group.vertex_offset as i32,
+            first_visible,
+            instance_count,
+            double_sided: group.flags & DRAW_DOUBLE_SIDED != 0,
+            mirrored: group.flags & DRAW_MIRRORED != 0,
+        };
+        match group.alpha_mode {
+            ALPHA_BLEND => self.push_blend(draw, bounds, eye),
+            ALPHA_MASK => self.masked.push(draw),
+            _ => self.opaque.push(draw),
+        }
     }
 
     fn push_blend(&mut self, draw: Draw, bounds: &BoundsView, eye: Vec3) {
@@ -113,11 +140,21 @@ impl DrawList {
     }
 }
 
+/// How many of the ascending `visible` lie below `end`. Groups are mostly small, so it gallops before it bisects.
+fn shown_below(visible: &[u32], end: u32) -> usize {
+    let mut reach = 1;
+    while reach < visible.len() && visible[reach] < end {
+        reach *= 2;
+    }
+    let reach = visible.len().min(reach + 1);
+    visible[..reach].partition_point(|instance| *instance < end)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use cairn_format::Aabb;
-    use cairn_format::bounds::to_arrays;
+    use cairn_format::bounds::{clusters, to_arrays};
 
     fn unit_box(center: Vec3) -> Aabb {
         Aabb {
@@ -148,8 +185,30 @@ mod tests {
         let arrays = to_arrays(boxes);
         let view = BoundsView::new(&arrays, boxes.len()).expect("length fits");
         let mut list = DrawList::default();
-        list.build(groups, &view, &forward_frustum(), Vec3::new(0.0, 0.0, 3.0));
+        let eye = Vec3::new(0.0, 0.0, 3.0);
+        list.build(groups, &view, None, &forward_frustum(), eye);
+        let around = clusters(boxes);
+        let arrays = to_arrays(&around);
+        let clusters = BoundsView::new(&arrays, around.len()).expect("length fits");
+        let mut clustered = DrawList::default();
+        clustered.build(groups, &view, Some(&clusters), &forward_frustum(), eye);
+        assert_eq!(clustered.visible, list.visible);
+        assert_eq!(clustered.stats(), list.stats());
         list
+    }
+
+    #[test]
+    fn large_groups_show_the_same_with_clusters() {
+        let boxes: Vec<Aabb> = (0..1000)
+            .map(|i| unit_box(Vec3::new(0.0, 0.0, 50.0 - i as f32 * 0.3)))
+            .collect();
+        let list = build(
+            &boxes,
+            &[group(0, 3, 0), group(3, 900, 0), group(903, 97, ALPHA_MASK)],
+        );
+        assert_eq!(list.masked[0].instance_count, 97);
+        let count = list.opaque[0].instance_count;
+        assert!(count > 500 && count < 900, "{count}");
     }
 
     #[test]
@@ -174,6 +233,38 @@ mod tests {
             .map(|draw| list.visible[draw.first_visible as usize])
             .collect();
         assert_eq!(order, [1, 2, 0]);
+    }
+
+    /// Groups that adjoin, overlap nothing and leave gaps, in any order.
+    #[test]
+    fn every_group_draws_its_own_instances() {
+        let boxes: Vec<Aabb> = (0..400)
+            .map(|i| unit_box(Vec3::new(0.0, 0.0, if i % 3 == 0 { 50.0 } else { -5.0 })))
+            .collect();
+        let ranges = [(300, 100), (0, 7), (7, 0), (7, 93), (100, 1), (102, 3)];
+        let list = build(&boxes, &ranges.map(|(first, count)| group(first, count, 0)));
+        let drawn = ranges
+            .iter()
+            .filter(|(first, count)| *count > 1 || first % 3 != 0);
+        let drawn: Vec<_> = drawn.filter(|(_, count)| *count > 0).collect();
+        assert_eq!(list.opaque.len(), drawn.len());
+        for (draw, (first, count)) in list.opaque.iter().zip(drawn) {
+            let shown =
+                &list.visible[draw.first_visible as usize..][..draw.instance_count as usize];
+            let expected: Vec<u32> = (*first..first + count).filter(|i| i % 3 != 0).collect();
+            assert_eq!(shown, expected);
+        }
+    }
+
+    #[test]
+    fn galloping_counts_what_lies_below() {
+        let visible: Vec<u32> = (0..100).map(|i| i * 2).collect();
+        for length in 0..100 {
+            for end in 0..200 {
+                let expected = visible[..length].iter().filter(|i| **i < end).count();
+                assert_eq!(shown_below(&visible[..length], end), expected);
+            }
+        }
     }
 
     #[test]

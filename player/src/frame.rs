@@ -171,6 +171,11 @@ impl Renderer {
         );
     }
 
+    /// What is compiled into the pipelines.
+    pub fn variant(&self) -> &Variant {
+        &self.variant
+    }
+
     /// What the last `record` drew.
     pub fn draw_stats(&self) -> DrawStats {
         self.draws.stats()
@@ -208,7 +213,14 @@ impl Renderer {
 
         let (groups, bounds) = (package.draw_groups()?, package.instance_bounds()?);
         let frustum = Frustum::from_view_projection(&view_projection);
-        self.draws.build(groups, &bounds, &frustum, camera.position);
+        let clusters = package.cluster_bounds()?;
+        self.draws.build(
+            groups,
+            &bounds,
+            clusters.as_ref(),
+            &frustum,
+            camera.position,
+        );
         let slot = &mut self.slots[slot];
         slot.uniform.write(0, &[uniform])?;
         slot.visible.write(0, &self.draws.visible)?;
@@ -276,6 +288,12 @@ impl Slot {
         set.write_buffer(1, &scene.lights)?;
         set.write_buffer(2, &scene.materials)?;
         set.write_buffer(3, &scene.instances)?;
+        if let Some(transforms) = &scene.texture_transforms {
+            set.write_buffer(9, transforms)?;
+        }
+        if let Some(colors) = &scene.vertex_colors {
+            set.write_buffer(10, colors)?;
+        }
         Ok(Self {
             uniform,
             visible,
@@ -320,6 +338,8 @@ fn variant(
         brdf_lut: scene.brdf_lut_slot.is_some(),
         lights: scene.light_count > 0,
         brdf: settings.brdf,
+        vertex_colors: scene.vertex_colors.is_some(),
+        texture_transforms: scene.texture_transforms.is_some(),
     })
 }
 

@@ -33,6 +33,10 @@ pub struct GpuScene {
     pub materials: Buffer,
     /// Directional light records.
     pub lights: Buffer,
+    /// One colour per vertex of the arena; absent where the package has none.
+    pub vertex_colors: Option<Buffer>,
+    /// One record per 2D texture slot, the BRDF table's excepted; absent where all are the identity.
+    pub texture_transforms: Option<Buffer>,
     /// Records in `lights`, the fallback light included.
     pub light_count: u32,
     /// Layouts for this package's number of textures.
@@ -71,6 +75,8 @@ pub struct SceneStats {
     pub instance_bytes: u64,
     pub material_bytes: u64,
     pub light_bytes: u64,
+    pub vertex_color_bytes: u64,
+    pub texture_transform_bytes: u64,
     pub texel_bytes: u64,
     /// Objects made.
     pub images: u32,
@@ -103,6 +109,8 @@ impl GpuScene {
         let instances = instances(&mut copy, package)?;
         let materials = materials(&mut copy, package)?;
         let (lights, light_count) = lights(&mut copy, package)?;
+        let vertex_colors = vertex_colors(&mut copy, package, vertices.is_some())?;
+        let texture_transforms = texture_transforms(&mut copy, package)?;
         let buffer_bytes = copy.uploader.bytes();
         let textures = Textures::upload(gpu, &mut uploader, package)?;
         let stats = SceneStats {
@@ -126,6 +134,8 @@ impl GpuScene {
             instances,
             materials,
             lights,
+            vertex_colors,
+            texture_transforms,
             light_count,
             layouts,
             bindless,
@@ -191,6 +201,20 @@ impl Copy<'_> {
             return self.buffer(kind.name(), usage, &zeros, DUMMY_BYTES, unchecked);
         }
         self.buffer(kind.name(), usage, bytes, kind.stride() as usize, check)
+    }
+
+    /// A storage buffer; none where there are no records, or where they are not `wanted`.
+    fn optional(
+        &mut self,
+        kind: SectionKind,
+        bytes: &[u8],
+        wanted: bool,
+        check: impl FnMut(&[u8], u64) -> Result<(), PlayerError>,
+    ) -> Result<Option<Buffer>, PlayerError> {
+        if bytes.is_empty() || !wanted {
+            return Ok(None);
+        }
+        self.storage(kind, bytes, check).map(Some)
     }
 
     fn allocate(&self, name: &str, usage: vk::BufferUsageFlags, size: u64) -> GpuResult<Buffer> {
@@ -265,6 +289,28 @@ fn lights(copy: &mut Copy<'_>, package: &Package) -> Result<(Buffer, u32), Playe
     Ok((buffer, records.len() as u32))
 }
 
+/// Any bits are a colour, so nothing is checked; that the section has one for each vertex was when it was opened.
+fn vertex_colors(
+    copy: &mut Copy<'_>,
+    package: &Package,
+    drawn: bool,
+) -> Result<Option<Buffer>, PlayerError> {
+    let bytes = bytemuck::cast_slice(package.vertex_colors()?);
+    copy.optional(SectionKind::VertexColors, bytes, drawn, |_, _| Ok(()))
+}
+
+/// That the section has one transform for each slot was checked when it was opened.
+fn texture_transforms(
+    copy: &mut Copy<'_>,
+    package: &Package,
+) -> Result<Option<Buffer>, PlayerError> {
+    let kind = SectionKind::TextureTransforms;
+    let bytes = bytemuck::cast_slice(package.texture_transforms()?);
+    copy.optional(kind, bytes, true, |bytes, _| {
+        Ok(check::texture_transforms(bytemuck::cast_slice(bytes))?)
+    })
+}
+
 fn fallback_light() -> DirectionalLight {
     let direction = FALLBACK_DIRECTION.normalize();
     DirectionalLight {
@@ -281,6 +327,8 @@ fn buffer_stats(package: &Package) -> SceneStats {
         instance_bytes: bytes(SectionKind::Instances),
         material_bytes: bytes(SectionKind::Materials),
         light_bytes: bytes(SectionKind::DirectionalLights),
+        vertex_color_bytes: bytes(SectionKind::VertexColors),
+        texture_transform_bytes: bytes(SectionKind::TextureTransforms),
         ..SceneStats::default()
     }
 }

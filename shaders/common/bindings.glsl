@@ -20,6 +20,14 @@ layout(set = 0, binding = 2, scalar) readonly buffer MaterialBuffer {
 layout(set = 0, binding = 3, scalar) readonly buffer InstanceBuffer {
     Instance instances[];
 };
+// Bound where HAS_TEXTURE_TRANSFORMS; one record per 2D slot of the package, the BRDF table's excepted.
+layout(set = 0, binding = 9, scalar) readonly buffer TextureTransformBuffer {
+    TextureTransform texture_transforms[];
+};
+// Bound where HAS_VERTEX_COLORS; one record per vertex of the arena.
+layout(set = 0, binding = 10, scalar) readonly buffer VertexColorBuffer {
+    VertexColor vertex_colors[];
+};
 
 layout(set = 1, binding = 0) uniform sampler2D textures[];
 layout(set = 1, binding = 1) uniform samplerCube cubes[];

@@ -221,4 +221,18 @@ struct MeshInstance {
     uint pad_60;
 };
 
+// 32 bytes
+struct TextureTransform {
+    vec4 matrix;
+    vec2 offset;
+    uint pad_24;
+    uint pad_28;
+};
+
+// 8 bytes
+struct VertexColor {
+    uint red_green;
+    uint blue_alpha;
+};
+
 #endif

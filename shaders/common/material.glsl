@@ -3,6 +3,7 @@
 #define CAIRN_MATERIAL_GLSL
 
 #include "bindings.glsl"
+#include "options.glsl"
 
 struct TexCoords {
     vec2 uv0;
@@ -14,11 +15,17 @@ vec4 sample_texture(uint reference, TexCoords coords, vec4 absent) {
     if (reference == NO_TEXTURE) {
         return absent;
     }
+    uint slot = reference & ~TEXTURE_UV1;
     vec2 uv = (reference & TEXTURE_UV1) != 0u ? coords.uv1 : coords.uv0;
-    return texture(textures[nonuniformEXT(reference & ~TEXTURE_UV1)], uv);
+    if (HAS_TEXTURE_TRANSFORMS) {
+        TextureTransform transform = texture_transforms[slot];
+        uv = mat2(transform.matrix.xy, transform.matrix.zw) * uv + transform.offset;
+    }
+    return texture(textures[nonuniformEXT(slot)], uv);
 }
 
-// Tangent-space normal with x and y scaled (glTF 2.0, 3.9.3); z is rebuilt before the scale.
+// Tangent-space normal with x and y scaled (glTF 2.0, 3.9.3); z is rebuilt before the scale. A transformed map
+// needs no rotation: the bake derives tangents from the transformed coordinates.
 vec3 sample_normal(Material material, TexCoords coords) {
     vec2 xy = sample_texture(material.normal_tex, coords, vec4(0.5)).rg * 2.0 - 1.0;
     float z = sqrt(max(0.0, 1.0 - dot(xy, xy)));

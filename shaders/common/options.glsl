@@ -13,5 +13,9 @@ layout(constant_id = 3) const bool HAS_LUT = true;
 layout(constant_id = 4) const bool HAS_LIGHTS = true;
 // true: multiple scattering is compensated. false: glTF's core BRDF, single scattering.
 layout(constant_id = 5) const bool BRDF_ENERGY = true;
+// Vertices have colours, which multiply the base colour and its alpha.
+layout(constant_id = 6) const bool HAS_VERTEX_COLORS = false;
+// Texture coordinates pass through their slot's transform.
+layout(constant_id = 7) const bool HAS_TEXTURE_TRANSFORMS = false;
 
 #endif

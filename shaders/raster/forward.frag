@@ -12,6 +12,7 @@ layout(location = 2) in vec3 in_tangent;
 layout(location = 3) in vec4 in_uv;
 layout(location = 4) flat in float in_handedness;
 layout(location = 5) flat in uint in_material;
+layout(location = 6) in vec4 in_vertex_color;
 
 layout(location = 0) out vec4 out_color;
 
@@ -116,6 +117,9 @@ void main() {
     Material material = materials[in_material];
     TexCoords coords = TexCoords(in_uv.xy, in_uv.zw);
     vec4 base = material.base_color_factor * sample_texture(material.base_color_tex, coords, vec4(1.0));
+    if (HAS_VERTEX_COLORS) {
+        base *= in_vertex_color;
+    }
     Surface s = surface(material, coords, base.rgb);
     float occlusion_texel = sample_texture(material.occlusion_tex, coords, vec4(1.0)).r;
     vec3 emitted = material.emissive_factor.rgb * sample_texture(material.emissive_tex, coords, vec4(1.0)).rgb;

@@ -2,6 +2,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "bindings.glsl"
+#include "options.glsl"
 
 layout(location = 0) in vec3 in_position;
 layout(location = 1) in vec3 in_normal;
@@ -16,6 +17,8 @@ layout(location = 2) out vec3 out_tangent;
 layout(location = 3) out vec4 out_uv;
 layout(location = 4) flat out float out_handedness;
 layout(location = 5) flat out uint out_material;
+// Written where HAS_VERTEX_COLORS.
+layout(location = 6) out vec4 out_vertex_color;
 
 // Every pass that draws the scene computes the same depth.
 invariant gl_Position;
@@ -41,4 +44,9 @@ void main() {
     // A mirroring matrix turns the cross product of its images round.
     out_handedness = determinant(model) < 0.0 ? -in_tangent.w : in_tangent.w;
     out_material = instance.material_index;
+    if (HAS_VERTEX_COLORS) {
+        // The index includes the draw's vertex offset, so it counts from the arena's beginning.
+        VertexColor color = vertex_colors[gl_VertexIndex];
+        out_vertex_color = vec4(unpackUnorm2x16(color.red_green), unpackUnorm2x16(color.blue_alpha));
+    }
 }

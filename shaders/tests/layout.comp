@@ -34,6 +34,8 @@ RECORD(14, ContactPush)
 RECORD(15, PathTracePush)
 RECORD(16, DrawGroup)
 RECORD(17, MeshInstance)
+RECORD(18, TextureTransform)
+RECORD(19, VertexColor)
 
 // Each record is read and written, so that no declaration is dropped.
 void main() {
@@ -55,4 +57,6 @@ void main() {
     PathTracePush_buffer.record[0] = PathTracePush_buffer.record[1];
     DrawGroup_buffer.record[0] = DrawGroup_buffer.record[1];
     MeshInstance_buffer.record[0] = MeshInstance_buffer.record[1];
+    TextureTransform_buffer.record[0] = TextureTransform_buffer.record[1];
+    VertexColor_buffer.record[0] = VertexColor_buffer.record[1];
 }

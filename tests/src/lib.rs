@@ -190,6 +190,38 @@ pub fn options(scene: &str, sky: Option<&str>, output: &Path) -> cairn_bake::Opt
     }
 }
 
+/// Options that bake any file without an environment, in the least time.
+pub fn quick_options(input: &Path, output: &Path) -> cairn_bake::Options {
+    cairn_bake::Options {
+        input: input.to_owned(),
+        environment: None,
+        output: output.to_owned(),
+        texture_quality: cairn_bake::encode::Quality::Fast,
+        limit_pixels: 1 << 28,
+    }
+}
+
+/// Every file below a folder, sorted.
+///
+/// # Panics
+/// Where a folder cannot be read.
+pub fn files(folder: &Path) -> Vec<PathBuf> {
+    let mut folders = vec![folder.to_owned()];
+    let mut files = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).expect("a folder that can be read") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                files.push(path);
+            }
+        }
+    }
+    files.sort();
+    files
+}
+
 /// The package of one of our own scenes.
 pub fn baked(scene: &str, sky: Option<&str>) -> Package {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -198,6 +230,15 @@ pub fn baked(scene: &str, sky: Option<&str>) -> Package {
         .expect("our own scene bakes");
     let bytes = std::fs::read(output).expect("the package");
     Package::from_bytes(&bytes).expect("a good package")
+}
+
+/// World bounds of a package's scene.
+pub fn bounds(package: &Package) -> cairn_format::Aabb {
+    let bounds = &package.scene().bounds;
+    cairn_format::Aabb {
+        min: cairn_format::scene::natives(&bounds.min).into(),
+        max: cairn_format::scene::natives(&bounds.max).into(),
+    }
 }
 
 /// Whether a Vulkan driver is there. `./run test` sets `CAIRN_REQUIRE_VULKAN`, and then it must be.

@@ -5,7 +5,7 @@ use cairn_player::camera::Camera;
 use cairn_player::gpu::GpuOptions;
 use cairn_player::headless::{self, HeadlessImage, HeadlessOptions};
 use cairn_player::settings::{Brdf, Settings, Tonemap};
-use cairn_tests::{Bounds, Rgb, assert_golden, baked, require_vulkan};
+use cairn_tests::{Bounds, Rgb, assert_golden, baked, bounds, require_vulkan};
 
 /// Drivers may round differently; edges may fall on the other side of a pixel's centre.
 const BOUNDS: Bounds = Bounds { mean: 0.35, p99: 4 };
@@ -136,14 +136,10 @@ fn golden_box() {
         return;
     }
     let package = baked("box/box.gltf", None);
-    let bounds = cairn_format::Aabb {
-        min: cairn_format::scene::natives(&package.scene().bounds.min).into(),
-        max: cairn_format::scene::natives(&package.scene().bounds.max).into(),
-    };
     golden(
         "box",
         &package,
-        Camera::framing(bounds, 16.0 / 9.0),
+        Camera::framing(bounds(&package), 16.0 / 9.0),
         Settings::default(),
     );
 }

@@ -34,6 +34,8 @@ pub(super) const ANY_SMALL: IntegerTypes = &[
 struct Checker<'a> {
     context: &'a Context,
     accessor: &'a Accessor,
+    /// Tight elements in place of those of the buffer view.
+    packed: Option<&'a [u8]>,
     pointer: String,
     component: ComponentType,
     count: usize,
@@ -57,9 +59,33 @@ pub(super) fn floats<const N: usize>(
     referrer: &str,
     integers: IntegerTypes,
 ) -> Result<Vec<[f32; N]>> {
-    let checker = Checker::new(context, index, referrer)?;
-    let wanted = [Type::Scalar, Type::Vec2, Type::Vec3, Type::Vec4];
-    checker.expect_shape(wanted.get(N - 1).copied(), referrer)?;
+    floats_from(context, index, referrer, integers, None)
+}
+
+/// As `floats`, with `packed` elements in place of the buffer view's where there are any.
+///
+/// # Errors
+/// As for `floats`, or too few packed elements.
+pub(super) fn floats_from<const N: usize>(
+    context: &Context,
+    index: usize,
+    referrer: &str,
+    integers: IntegerTypes,
+    packed: Option<&[u8]>,
+) -> Result<Vec<[f32; N]>> {
+    let checker = Checker {
+        packed,
+        ..Checker::new(context, index, referrer)?
+    };
+    let wanted = match N {
+        1 => Type::Scalar,
+        2 => Type::Vec2,
+        3 => Type::Vec3,
+        4 => Type::Vec4,
+        16 => Type::Mat4,
+        _ => unreachable!("no attribute has {N} components"),
+    };
+    checker.expect_shape(Some(wanted), referrer)?;
     let normalized = checker.accessor.normalized;
     let float = checker.component == ComponentType::F32;
     if !float && !integers.contains(&(checker.component, normalized)) {
@@ -96,6 +122,25 @@ pub(super) fn indices(context: &Context, index: usize, referrer: &str) -> Result
     Ok(Indices { values, restart })
 }
 
+/// Component type and number of components of an accessor, without reading it.
+///
+/// # Errors
+/// A missing accessor or an unknown enumerator.
+pub(super) fn layout(
+    context: &Context,
+    index: usize,
+    referrer: &str,
+) -> Result<(ComponentType, usize)> {
+    let checker = Checker::new(context, index, referrer)?;
+    match checker.accessor.type_ {
+        Checked::Valid(shape) => Ok((checker.component, shape.multiplicity())),
+        Checked::Invalid => {
+            let message = "the type is none of SCALAR, VEC2 to VEC4, MAT2 to MAT4; export again";
+            Err(context.error("accessor-type", &checker.pointer, message))
+        }
+    }
+}
+
 /// Number of elements of an accessor, without reading it.
 ///
 /// # Errors
@@ -122,6 +167,7 @@ impl<'a> Checker<'a> {
         Ok(Self {
             context,
             accessor,
+            packed: None,
             pointer,
             component: component.0,
             count,
@@ -164,8 +210,17 @@ impl<'a> Checker<'a> {
         zero: T,
         decode: impl Fn(&Elements<'_>) -> Vec<T>,
     ) -> Result<Vec<T>> {
-        let mut values = match self.accessor.buffer_view {
-            Some(view) => {
+        let mut values = match (self.packed, self.accessor.buffer_view) {
+            (Some(bytes), _) => {
+                let view = View {
+                    bytes,
+                    stride: None,
+                };
+                let elements = self.elements(view, 0, size, size, self.count)?;
+                self.context.charge(self.count as u64, &self.pointer)?;
+                decode(&elements)
+            }
+            (None, Some(view)) => {
                 let offset = self.accessor.byte_offset.map_or(0, |offset| offset.0);
                 let view = buffer::view(self.context, view.value(), &self.pointer)?;
                 let stride = view.stride.unwrap_or(size);
@@ -180,7 +235,7 @@ impl<'a> Checker<'a> {
                 self.context.charge(self.count as u64, &self.pointer)?;
                 decode(&elements)
             }
-            None => {
+            (None, None) => {
                 self.context
                     .charge_zeroed(self.count as u64, &self.pointer)?;
                 vec![zero; self.count]

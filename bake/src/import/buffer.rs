@@ -1,8 +1,11 @@
 //! Resolves buffers and buffer views to bytes.
 
+use gltf::json;
+
 use crate::diagnostic::Result;
 
 use super::context::Context;
+use super::{extension, meshopt};
 
 /// The bytes of a buffer view.
 #[derive(Clone, Copy, Debug)]
@@ -22,8 +25,7 @@ fn buffer<'a>(context: &'a Context, index: usize, referrer: &str) -> Result<&'a 
     let bytes: &[u8] = match (&buffer.uri, context.bin()) {
         (None, Some(bin)) if index == 0 => bin,
         (None, _) => {
-            let message = "the buffer has neither a URI nor a BIN chunk; export again \
-                           (buffers of compression extensions are not supported)";
+            let message = "the buffer has neither a URI nor a BIN chunk; export again";
             return Err(context.error("buffer-without-data", pointer, message));
         }
         (Some(uri), _) => match cell.get() {
@@ -55,18 +57,13 @@ pub(super) fn view<'a>(context: &'a Context, index: usize, referrer: &str) -> Re
         return Err(context.absent(referrer, "bufferView", index, views.len()));
     };
     let pointer = format!("/bufferViews/{index}");
-    let buffer = buffer(context, view.buffer.value(), &format!("{pointer}/buffer"))?;
-    let offset = view.byte_offset.map_or(0, |offset| offset.0);
-    let range = offset
-        .checked_add(view.byte_length.0)
-        .and_then(|end| Some(usize::try_from(offset).ok()?..usize::try_from(end).ok()?));
-    let Some(bytes) = range.and_then(|range| buffer.get(range)) else {
-        let message = format!(
-            "{} bytes at offset {offset} leave the buffer of {} bytes; export again",
-            view.byte_length.0,
-            buffer.len()
-        );
-        return Err(context.error("buffer-view-out-of-range", pointer, message));
+    let bytes = match meshopt::extension(view) {
+        Some(found) => decompressed(context, index, view, found, &pointer)?,
+        None => {
+            let offset = view.byte_offset.map_or(0, |offset| offset.0);
+            let length = view.byte_length.0;
+            range(context, view.buffer.value(), offset, length, &pointer)?
+        }
     };
     let stride = view.byte_stride.map(|stride| stride.0);
     if let Some(stride) = stride.filter(|stride| !(4..=252).contains(stride)) {
@@ -74,6 +71,48 @@ pub(super) fn view<'a>(context: &'a Context, index: usize, referrer: &str) -> Re
         return Err(context.error("buffer-view-stride", pointer, message));
     }
     Ok(View { bytes, stride })
+}
+
+/// `length` bytes of a buffer, which the object at `pointer` names.
+fn range<'a>(
+    context: &'a Context,
+    index: usize,
+    offset: u64,
+    length: u64,
+    pointer: &str,
+) -> Result<&'a [u8]> {
+    let buffer = buffer(context, index, &format!("{pointer}/buffer"))?;
+    let range = offset
+        .checked_add(length)
+        .and_then(|end| Some(usize::try_from(offset).ok()?..usize::try_from(end).ok()?));
+    range.and_then(|range| buffer.get(range)).ok_or_else(|| {
+        let message = format!(
+            "{length} bytes at offset {offset} leave the buffer of {} bytes; export again",
+            buffer.len()
+        );
+        context.error("buffer-view-out-of-range", pointer, message)
+    })
+}
+
+/// The content of a compressed view, decoded on first use. The view's own buffer is a fallback
+/// that need not have data.
+fn decompressed<'a>(
+    context: &'a Context,
+    index: usize,
+    view: &json::buffer::View,
+    (name, value): (&str, &serde_json::Value),
+    pointer: &str,
+) -> Result<&'a [u8]> {
+    let cell = &context.views[index];
+    if let Some(bytes) = cell.get() {
+        return Ok(bytes);
+    }
+    let pointer = format!("{pointer}/extensions/{name}");
+    let compressed: meshopt::Compressed = extension::parse(context, value, &pointer)?;
+    let (offset, length) = (compressed.byte_offset, compressed.byte_length);
+    let bytes = range(context, compressed.buffer, offset, length, &pointer)?;
+    let bytes = meshopt::decode(context, &compressed, bytes, view.byte_length.0, &pointer)?;
+    Ok(cell.get_or_init(|| bytes))
 }
 
 #[cfg(test)]

@@ -19,10 +19,15 @@ const ELEMENT_LIMIT: u64 = 1 << 28;
 /// The most elements of accessors without a buffer view, which cost the file nothing.
 const ZEROED_LIMIT: u64 = 1 << 24;
 
+/// The most bytes that compressed buffer views and meshes of one scene may decode to.
+const DECODED_LIMIT: u64 = 1 << 29;
+
 pub(super) struct Context {
     pub document: Document,
     /// Decoded buffers by glTF index, filled on first use.
     pub buffers: Vec<OnceCell<Vec<u8>>>,
+    /// Decompressed buffer views by glTF index, filled on first use.
+    pub views: Vec<OnceCell<Vec<u8>>>,
     /// The BIN chunk, in `container`.
     bin: Option<Range<usize>>,
     container: Vec<u8>,
@@ -32,6 +37,7 @@ pub(super) struct Context {
     warnings: RefCell<Warnings>,
     elements: Cell<u64>,
     zeroed: Cell<u64>,
+    decoded: Cell<u64>,
 }
 
 /// Warnings in order of first occurrence; equal groups are counted instead of repeated.
@@ -79,6 +85,11 @@ impl Context {
             .map_err(|fault| refuse(fault.code, fault.place, fault.message))?;
         let context = Self {
             buffers: document.buffers.iter().map(|_| OnceCell::new()).collect(),
+            views: document
+                .buffer_views
+                .iter()
+                .map(|_| OnceCell::new())
+                .collect(),
             document,
             bin,
             container,
@@ -88,6 +99,7 @@ impl Context {
             warnings: RefCell::default(),
             elements: Cell::new(0),
             zeroed: Cell::new(0),
+            decoded: Cell::new(0),
         };
         for remark in remarks {
             context.warn("glb", format!("byte {}", remark.offset), remark.message);
@@ -165,27 +177,47 @@ impl Context {
         }
         if !self.document.skins.is_empty() {
             let count = self.document.skins.len();
-            let message = format!("{count} skins are ignored; meshes keep their default pose");
-            self.warn("skin-ignored", "/skins", message);
+            let message =
+                format!("{count} skins do not move; meshes are baked in their default pose");
+            self.warn("skin-static", "/skins", message);
         }
     }
 
     /// Accounts for accessor elements about to be decoded from a buffer.
     pub fn charge(&self, elements: u64, pointer: &str) -> Result<()> {
-        self.spend(&self.elements, ELEMENT_LIMIT, elements, pointer)
+        let what = "accessor elements";
+        self.spend(&self.elements, ELEMENT_LIMIT, elements, what, pointer)
     }
 
     /// Accounts for accessor elements about to be filled with zeros.
     pub fn charge_zeroed(&self, elements: u64, pointer: &str) -> Result<()> {
-        self.spend(&self.zeroed, ZEROED_LIMIT, elements, pointer)
+        let what = "accessor elements";
+        self.spend(&self.zeroed, ZEROED_LIMIT, elements, what, pointer)
     }
 
-    fn spend(&self, spent: &Cell<u64>, limit: u64, elements: u64, pointer: &str) -> Result<()> {
-        let total = spent.get().saturating_add(elements);
+    /// Accounts for bytes about to be decompressed.
+    pub fn charge_decoded(&self, bytes: u64, pointer: &str) -> Result<()> {
+        let what = "decompressed bytes";
+        self.spend(&self.decoded, DECODED_LIMIT, bytes, what, pointer)
+    }
+
+    /// Bytes that may still be decompressed.
+    pub fn decodable(&self) -> u64 {
+        DECODED_LIMIT.saturating_sub(self.decoded.get())
+    }
+
+    fn spend(
+        &self,
+        spent: &Cell<u64>,
+        limit: u64,
+        amount: u64,
+        what: &str,
+        pointer: &str,
+    ) -> Result<()> {
+        let total = spent.get().saturating_add(amount);
         if total > limit {
             let message = format!(
-                "{elements} more accessor elements would pass the limit of {limit} in a scene; \
-                 split the scene"
+                "{amount} more {what} would pass the limit of {limit} in a scene; split the scene"
             );
             return Err(self.error("scene-too-large", pointer, message));
         }

@@ -8,7 +8,7 @@ use serde::de::IgnoredAny;
 use super::integers;
 
 /// The parts of a glTF file that import reads. Unlike `gltf::json::Root` it lets what is not read
-/// (animations, skins) have any shape, and a scene have no nodes, as the specification does.
+/// (animations) have any shape, and a scene have no nodes, as the specification does.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct Document {
@@ -26,7 +26,8 @@ pub(super) struct Document {
     pub samplers: Vec<json::texture::Sampler>,
     pub scene: Option<u32>,
     pub scenes: Vec<Scene>,
-    pub skins: Vec<IgnoredAny>,
+    /// Free-form: only the skins of placed meshes are read.
+    pub skins: Vec<serde_json::Value>,
     pub textures: Vec<json::Texture>,
     pub extensions: Option<json::extensions::root::Root>,
 }
@@ -59,11 +60,16 @@ pub(super) struct Refusal {
 }
 
 /// Extensions that import honours.
-const SUPPORTED: [&str; 4] = [
+const SUPPORTED: [&str; 9] = [
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_unlit",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
+    "KHR_texture_transform",
 ];
 
 impl Document {
@@ -139,8 +145,15 @@ fn typed(text: &[u8]) -> Result<Document, Refusal> {
 /// integer.
 fn integral(text: &[u8]) -> Option<Vec<u8>> {
     let mut value: serde_json::Value = serde_json::from_slice(text).ok()?;
+    make_integral(&mut value)
+        .then(|| serde_json::to_vec(&value).ok())
+        .flatten()
+}
+
+/// Writes every integral float as an integer; whether there was one.
+pub(super) fn make_integral(value: &mut serde_json::Value) -> bool {
     let mut changed = false;
-    let mut rest = vec![&mut value];
+    let mut rest = vec![value];
     while let Some(value) = rest.pop() {
         match value {
             serde_json::Value::Array(elements) => rest.extend(elements),
@@ -156,7 +169,7 @@ fn integral(text: &[u8]) -> Option<Vec<u8>> {
             _ => {}
         }
     }
-    changed.then(|| serde_json::to_vec(&value).ok()).flatten()
+    changed
 }
 
 fn refuse(code: &'static str, place: impl Into<String>, message: impl Into<String>) -> Refusal {

@@ -2,18 +2,94 @@
 
 use glam::{Vec3, Vec4};
 use gltf::json;
+use gltf::json::extensions::texture::TextureTransform;
 use gltf::json::material::AlphaMode as AlphaModeJson;
 use gltf::json::validation::Checked;
 
 use crate::diagnostic::Result;
-use crate::scene::{AlphaMode, Material, TextureRef};
+use crate::scene::{AlphaMode, Material, TextureRef, UvTransform};
 
 use super::context::Context;
+use super::extension;
+use super::uv_sets::UvSets;
+
+/// The places of textures in a material, in the order of `super::slots`.
+const SLOTS: [&str; 5] = [
+    "pbrMetallicRoughness/baseColorTexture",
+    "pbrMetallicRoughness/metallicRoughnessTexture",
+    "normalTexture",
+    "occlusionTexture",
+    "emissiveTexture",
+];
+
+/// A texture as the file names it: glTF indices, `KHR_texture_transform` applied to the set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Slot {
+    texture: usize,
+    /// `n` of `TEXCOORD_n`.
+    pub uv_set: u32,
+    transform: UvTransform,
+}
+
+/// The texture slots of material `index`, in the order of `super::slots`.
+///
+/// # Errors
+/// A malformed `KHR_texture_transform`.
+pub(super) fn texture_slots(context: &Context, index: u32) -> Result<[Option<Slot>; 5]> {
+    const TRANSFORM: &str = "KHR_texture_transform";
+    let material = &context.document.materials[index as usize];
+    let pbr = &material.pbr_metallic_roughness;
+    let info = |info: Option<&json::texture::Info>| {
+        let info = info?;
+        let extensions = info.extensions.as_ref();
+        let transform = extensions.and_then(|extensions| extensions.texture_transform.as_ref());
+        Some(slot(info.index, info.tex_coord, transform))
+    };
+    let free = |ordinal: usize, texture, set, others: Option<&serde_json::Map<_, _>>| {
+        let value = others.and_then(|others| others.get(TRANSFORM));
+        let pointer = format!(
+            "/materials/{index}/{}/extensions/{TRANSFORM}",
+            SLOTS[ordinal]
+        );
+        let parse = |value| extension::parse(context, value, &pointer);
+        let transform: Option<TextureTransform> = value.map(parse).transpose()?;
+        Ok::<_, crate::BakeError>(slot(texture, set, transform.as_ref()))
+    };
+    let normal = material.normal_texture.as_ref().map(|t| {
+        let others = t.extensions.as_ref().map(|extensions| &extensions.others);
+        free(2, t.index, t.tex_coord, others)
+    });
+    let occlusion = material.occlusion_texture.as_ref().map(|t| {
+        let others = t.extensions.as_ref().map(|extensions| &extensions.others);
+        free(3, t.index, t.tex_coord, others)
+    });
+    Ok([
+        info(pbr.base_color_texture.as_ref()),
+        info(pbr.metallic_roughness_texture.as_ref()),
+        normal.transpose()?,
+        occlusion.transpose()?,
+        info(material.emissive_texture.as_ref()),
+    ])
+}
+
+fn slot(
+    texture: json::Index<json::Texture>,
+    set: u32,
+    transform: Option<&TextureTransform>,
+) -> Slot {
+    Slot {
+        texture: texture.value(),
+        uv_set: transform.and_then(|t| t.tex_coord).unwrap_or(set),
+        transform: transform.map_or(UvTransform::IDENTITY, |t| {
+            UvTransform::new(t.offset.0, t.rotation.0, t.scale.0)
+        }),
+    }
+}
 
 /// Reads material `index`. Texture references still carry glTF indices.
 ///
 /// # Errors
-/// A missing texture or an unknown alpha mode.
+/// A missing texture, a malformed texture transform or an unknown alpha mode.
 pub(super) fn read(context: &Context, index: u32) -> Result<Material> {
     let material = &context.document.materials[index as usize];
     let reader = Reader {
@@ -24,7 +100,13 @@ pub(super) fn read(context: &Context, index: u32) -> Result<Material> {
     let normal = material.normal_texture.as_ref();
     let occlusion = material.occlusion_texture.as_ref();
     let extensions = material.extensions.as_ref();
-    let in_pbr = |name: &str| format!("pbrMetallicRoughness/{name}");
+    let [
+        base_color,
+        metallic_roughness,
+        normal_map,
+        occlusion_map,
+        emissive,
+    ] = reader.textures(index)?;
     Ok(Material {
         name: material
             .name
@@ -50,19 +132,11 @@ pub(super) fn read(context: &Context, index: u32) -> Result<Material> {
         }),
         double_sided: material.double_sided,
         unlit: extensions.is_some_and(|extensions| extensions.unlit.is_some()),
-        base_color_texture: reader
-            .texture(&in_pbr("baseColorTexture"), pbr.base_color_texture.as_ref())?,
-        metallic_roughness_texture: reader.texture(
-            &in_pbr("metallicRoughnessTexture"),
-            pbr.metallic_roughness_texture.as_ref(),
-        )?,
-        normal_texture: normal
-            .map(|t| reader.slot("normalTexture", t.index, t.tex_coord))
-            .transpose()?,
-        occlusion_texture: occlusion
-            .map(|t| reader.slot("occlusionTexture", t.index, t.tex_coord))
-            .transpose()?,
-        emissive_texture: reader.texture("emissiveTexture", material.emissive_texture.as_ref())?,
+        base_color_texture: base_color,
+        metallic_roughness_texture: metallic_roughness,
+        normal_texture: normal_map,
+        occlusion_texture: occlusion_map,
+        emissive_texture: emissive,
     })
 }
 
@@ -108,38 +182,47 @@ impl Reader<'_> {
         }
     }
 
-    fn texture(
-        &self,
-        property: &str,
-        texture: Option<&json::texture::Info>,
-    ) -> Result<Option<TextureRef>> {
-        texture
-            .map(|texture| self.slot(property, texture.index, texture.tex_coord))
-            .transpose()
+    /// The texture slots of material `index`, their sets mapped to `uv0` and `uv1`.
+    fn textures(&self, index: u32) -> Result<[Option<TextureRef>; 5]> {
+        let slots = texture_slots(self.context, index)?;
+        let sets = UvSets::of(self.context, Some(index))?;
+        if sets.surplus > 0 {
+            let message = format!(
+                "the textures use {} sets of coordinates; those after the second read TEXCOORD_{}",
+                2 + sets.surplus,
+                sets.sets[0].unwrap_or_default()
+            );
+            self.context.warn("texcoord-set", &self.pointer, message);
+        }
+        let mut references = [None; 5];
+        for ((reference, slot), property) in references.iter_mut().zip(slots).zip(SLOTS) {
+            *reference = slot
+                .map(|slot| self.reference(property, slot, &sets))
+                .transpose()?;
+        }
+        Ok(references)
     }
 
-    fn slot(
-        &self,
-        property: &str,
-        texture: json::Index<json::Texture>,
-        set: u32,
-    ) -> Result<TextureRef> {
+    fn reference(&self, property: &str, slot: Slot, sets: &UvSets) -> Result<TextureRef> {
         let pointer = format!("{}/{property}", self.pointer);
         let textures = self.context.document.textures.len();
-        if texture.value() >= textures {
+        if slot.texture >= textures {
             let pointer = format!("{pointer}/index");
             return Err(self
                 .context
-                .absent(pointer, "texture", texture.value(), textures));
+                .absent(pointer, "texture", slot.texture, textures));
         }
-        if set > 1 {
-            let message = format!("TEXCOORD_{set} is not supported; TEXCOORD_0 is used");
-            self.context
-                .warn("texcoord-set", format!("{pointer}/texCoord"), message);
+        let mut transform = slot.transform;
+        let values = transform.matrix.iter().chain(&transform.offset);
+        if !values.into_iter().all(|value| value.is_finite()) {
+            let message = "KHR_texture_transform is not finite and is left out";
+            self.context.warn("texture-transform", pointer, message);
+            transform = UvTransform::IDENTITY;
         }
         Ok(TextureRef {
-            texture: texture.value() as u32,
-            uv_set: if set == 1 { 1 } else { 0 },
+            texture: slot.texture as u32,
+            uv_set: sets.slot(slot.uv_set),
+            transform,
         })
     }
 }
@@ -186,18 +269,87 @@ mod tests {
             )
         };
         let context_of = |index, set| context(&body(index, set));
-        let context = context_of(0, 2);
-        let material = read(&context, 0).unwrap();
-        let slot = |uv_set| Some(TextureRef { texture: 0, uv_set });
+        let material = read(&context_of(0, 0), 0).unwrap();
+        let slot = |uv_set| Some(TextureRef::new(0, uv_set));
         assert_eq!(material.normal_texture, slot(0));
         assert_eq!(material.occlusion_texture, slot(1));
+        let material = read(&context_of(0, 2), 0).unwrap();
+        assert_eq!(material.normal_texture, slot(1));
+        assert_eq!(material.occlusion_texture, slot(0));
         assert_eq!(
             (material.normal_scale, material.occlusion_strength),
             (2.0, 0.5)
         );
-        assert_eq!(context.finish().1[0].code, "texcoord-set");
         let error = fault(read(&context_of(1, 0), 0));
         assert_eq!(error.place, "/materials/0/normalTexture/index");
+    }
+
+    #[test]
+    fn a_third_set_of_coordinates_falls_back_to_the_first() {
+        let context = context(
+            r#""textures":[{}],"materials":[{"normalTexture":{"index":0,"texCoord":5},
+            "occlusionTexture":{"index":0,"texCoord":3},"emissiveTexture":{"index":0,"texCoord":9}}]"#,
+        );
+        let material = read(&context, 0).unwrap();
+        let set = |texture: Option<TextureRef>| texture.unwrap().uv_set;
+        assert_eq!(set(material.occlusion_texture), 0);
+        assert_eq!(set(material.normal_texture), 1);
+        assert_eq!(set(material.emissive_texture), 0);
+        let warning = &context.finish().1[0];
+        assert_eq!(warning.code, "texcoord-set");
+        assert!(warning.message.contains("3 sets"), "{}", warning.message);
+        assert!(warning.message.ends_with("TEXCOORD_3"));
+    }
+
+    #[test]
+    fn every_slot_has_a_transform_that_may_override_the_set() {
+        let slot = |number: u32| {
+            format!(
+                r#"{{"index":0,"texCoord":7,"extensions":{{"KHR_texture_transform":
+                {{"offset":[{number},0.5],"rotation":0.25,"scale":[2,3],"texCoord":{}}}}}}}"#,
+                number % 2
+            )
+        };
+        let context = context(&format!(
+            r#""textures":[{{}}],"materials":[{{"pbrMetallicRoughness":{{"baseColorTexture":{},
+            "metallicRoughnessTexture":{}}},"normalTexture":{},"occlusionTexture":{},
+            "emissiveTexture":{}}}]"#,
+            slot(0),
+            slot(1),
+            slot(2),
+            slot(3),
+            slot(4)
+        ));
+        let mut material = read(&context, 0).unwrap();
+        for (number, slot) in (0..).zip(crate::import::slots(&mut material)) {
+            let expected = TextureRef {
+                texture: 0,
+                uv_set: number % 2,
+                transform: UvTransform::new([number as f32, 0.5], 0.25, [2.0, 3.0]),
+            };
+            assert_eq!(*slot, Some(expected));
+        }
+        assert!(context.finish().1.is_empty());
+    }
+
+    #[test]
+    fn faulty_transforms_are_refused_or_left_out() {
+        let with = |transform: &str| {
+            context(&format!(
+                r#""textures":[{{}}],"materials":[{{"normalTexture":{{"index":0,
+                "extensions":{{"KHR_texture_transform":{transform}}}}}}}]"#
+            ))
+        };
+        let error = fault(read(&with(r#"{"rotation":"left"}"#), 0));
+        assert_eq!(error.code, "extension-schema");
+        assert_eq!(
+            error.place,
+            "/materials/0/normalTexture/extensions/KHR_texture_transform"
+        );
+        let context = with(r#"{"scale":[1e39,1]}"#);
+        let reference = read(&context, 0).unwrap().normal_texture;
+        assert_eq!(reference, Some(TextureRef::new(0, 0)));
+        assert_eq!(context.finish().1[0].code, "texture-transform");
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! Reads meshes: triangle lists with their attributes.
 
+mod pose;
+
 use gltf::json;
 use gltf::json::mesh::{Mode, Semantic};
 use gltf::json::validation::Checked;
@@ -9,12 +11,17 @@ use crate::scene::{Mesh, Primitive};
 
 use super::accessor::{self, ANY_SMALL, IntegerTypes, SIGNED_NORMALIZED, UNSIGNED_NORMALIZED};
 use super::context::Context;
+use super::draco;
+use super::topology::{self, Topology};
+use super::uv_sets::UvSets;
 
-/// Reads mesh `index`; primitives that are no triangle lists are left out with a warning.
+pub(super) use pose::{Pose, is_skinnable};
+
+/// Reads mesh `index` in a pose; primitives without triangles are left out with a warning.
 ///
 /// # Errors
-/// Data out of range, of the wrong type, or non-finite positions.
-pub(super) fn read(context: &Context, index: u32) -> Result<Mesh> {
+/// Data out of range, of the wrong type, damaged, or non-finite positions.
+pub(super) fn read(context: &Context, index: u32, pose: &Pose) -> Result<Mesh> {
     let index = index as usize;
     let meshes = &context.document.meshes;
     let Some(mesh) = meshes.get(index) else {
@@ -22,12 +29,13 @@ pub(super) fn read(context: &Context, index: u32) -> Result<Mesh> {
     };
     let mut primitives = Vec::new();
     for (ordinal, primitive) in mesh.primitives.iter().enumerate() {
-        let reader = Reader {
+        let mut reader = Reader {
             context,
             primitive,
             pointer: format!("/meshes/{index}/primitives/{ordinal}"),
+            draco: None,
         };
-        primitives.extend(reader.read()?);
+        primitives.extend(reader.read(pose)?);
     }
     Ok(Mesh {
         name: mesh.name.clone().unwrap_or_else(|| format!("mesh {index}")),
@@ -39,40 +47,49 @@ struct Reader<'a> {
     context: &'a Context,
     primitive: &'a json::mesh::Primitive,
     pointer: String,
+    draco: Option<draco::Geometry>,
 }
 
 impl Reader<'_> {
-    fn read(&self) -> Result<Option<Primitive>> {
-        if !self.is_triangle_list()? {
+    fn read(&mut self, pose: &Pose) -> Result<Option<Primitive>> {
+        let Some(topology) = self.topology()? else {
             return Ok(None);
-        }
+        };
         let Some(positions) = self.attribute(&Semantic::Positions) else {
             let message = "a primitive without POSITION is skipped; it has no shape";
             self.warn("primitive-without-position", message);
             return Ok(None);
         };
-        self.check_compression(positions)?;
         let referrer = self.referrer(&Semantic::Positions);
         let vertices = accessor::count(self.context, positions, &referrer)?;
-        if vertices == 0 || self.index_count()? == Some(0) {
+        let corners = self.index_count()?.unwrap_or(vertices);
+        let short = topology != Topology::List && corners < 3;
+        if vertices == 0 || corners == 0 || short {
             self.warn(
                 "primitive-empty",
                 "a primitive without triangles is dropped",
             );
             return Ok(None);
         }
+        let material = self.material()?;
+        let UvSets { sets, .. } = UvSets::of(self.context, material)?;
+        self.draco = draco::decode(self.context, self.primitive, &self.pointer)?;
+        self.check_draco_counts(topology, vertices, corners)?;
         self.note_unused_features();
         let positions = self.positions(positions, &referrer)?;
         let count = positions.len();
-        Ok(Some(Primitive {
+        let mut primitive = Primitive {
             normals: self.vectors(&Semantic::Normals, count, SIGNED_NORMALIZED)?,
             tangents: self.vectors(&Semantic::Tangents, count, SIGNED_NORMALIZED)?,
-            uv0: self.texture_coordinates(0, count)?,
-            uv1: self.texture_coordinates(1, count)?,
-            indices: self.indices(count)?,
-            material: self.material()?,
+            uv0: self.texture_coordinates(sets[0], count)?,
+            uv1: self.texture_coordinates(sets[1], count)?,
+            colors: self.colors(count)?,
+            indices: self.indices(topology, count)?,
+            material,
             positions,
-        }))
+        };
+        self.pose(&mut primitive, pose)?;
+        Ok(Some(primitive))
     }
 
     fn warn(&self, code: &'static str, message: &str) {
@@ -89,49 +106,54 @@ impl Reader<'_> {
         Some(self.primitive.attributes.get(&key)?.value())
     }
 
-    /// Whether the primitive is a triangle list; warns where it is something else.
-    fn is_triangle_list(&self) -> Result<bool> {
+    /// How the vertices form triangles; warns where they form something else.
+    fn topology(&self) -> Result<Option<Topology>> {
         let name = match self.primitive.mode {
-            Checked::Valid(Mode::Triangles) => return Ok(true),
+            Checked::Valid(Mode::Triangles) => return Ok(Some(Topology::List)),
+            Checked::Valid(Mode::TriangleStrip) => return Ok(Some(Topology::Strip)),
+            Checked::Valid(Mode::TriangleFan) => return Ok(Some(Topology::Fan)),
             Checked::Valid(Mode::Points) => "POINTS",
             Checked::Valid(Mode::Lines) => "LINES",
             Checked::Valid(Mode::LineLoop) => "LINE_LOOP",
             Checked::Valid(Mode::LineStrip) => "LINE_STRIP",
-            Checked::Valid(Mode::TriangleStrip) => "TRIANGLE_STRIP",
-            Checked::Valid(Mode::TriangleFan) => "TRIANGLE_FAN",
             Checked::Invalid => {
                 let pointer = format!("{}/mode", self.pointer);
                 let message = "the primitive mode is none of 0 to 6; export again";
                 return Err(self.context.error("primitive-mode", pointer, message));
             }
         };
-        let message =
-            format!("a primitive of mode {name} is skipped; export it as a triangle list");
+        let message = format!("a primitive of mode {name} is skipped; it has no triangles");
         self.context
             .warn_group("primitive-mode", name, &self.pointer, message);
-        Ok(false)
+        Ok(None)
     }
 
-    /// Refuses Draco data without the uncompressed fallback, which would read as zeros.
-    fn check_compression(&self, positions: usize) -> Result<()> {
-        let draco = self
-            .primitive
-            .extensions
-            .as_ref()
-            .is_some_and(|extensions| extensions.others.contains_key("KHR_draco_mesh_compression"));
-        let accessor = self.context.document.accessors.get(positions);
-        let empty = accessor.is_some_and(|a| a.buffer_view.is_none() && a.sparse.is_none());
-        if draco && empty {
-            let message = "the primitive has only Draco-compressed data, which is not supported; \
-                           export without KHR_draco_mesh_compression";
-            return Err(self.context.error("draco-only", &self.pointer, message));
+    /// Checks that the compressed data has the vertices and indices that the accessors declare.
+    /// It holds a list whatever the mode, so the indices of a strip cannot be compared.
+    fn check_draco_counts(&self, topology: Topology, vertices: u64, corners: u64) -> Result<()> {
+        let Some(draco) = &self.draco else {
+            return Ok(());
+        };
+        let points = draco.points() as u64;
+        let found = draco.triangles() as u64 * 3;
+        let indices = topology == Topology::List && self.primitive.indices.is_some();
+        if points == vertices && (!indices || found == corners) {
+            return Ok(());
         }
-        Ok(())
+        let message = format!(
+            "the Draco data has {points} vertices and {found} indices, the accessors declare \
+             {vertices} and {corners}; export again"
+        );
+        Err(self.context.error("draco-count", &self.pointer, message))
     }
 
     fn note_unused_features(&self) {
-        if self.attribute(&Semantic::Colors(0)).is_some() {
-            self.warn("vertex-color-ignored", "COLOR_0 is not applied");
+        let further = |semantic: &Checked<Semantic>| {
+            matches!(semantic, Checked::Valid(Semantic::Colors(1..)))
+        };
+        if self.primitive.attributes.keys().any(further) {
+            let message = "colours after COLOR_0 are not applied";
+            self.warn("vertex-color-ignored", message);
         }
         if self
             .primitive
@@ -139,8 +161,8 @@ impl Reader<'_> {
             .as_ref()
             .is_some_and(|t| !t.is_empty())
         {
-            let message = "morph targets are ignored; the base shape is used";
-            self.warn("morph-target-ignored", message);
+            let message = "morph targets do not move; the default weights are applied";
+            self.warn("morph-target-static", message);
         }
     }
 
@@ -155,9 +177,8 @@ impl Reader<'_> {
 
     fn positions(&self, index: usize, referrer: &str) -> Result<Vec<[f32; 3]>> {
         let types = self.quantized(ANY_SMALL, &[]);
-        let positions = accessor::floats::<3>(self.context, index, referrer, types)?;
-        let finite = |position: &[f32; 3]| position.iter().all(|value| value.is_finite());
-        if let Some(vertex) = positions.iter().position(|position| !finite(position)) {
+        let positions = self.floats::<3>(&Semantic::Positions, index, referrer, types)?;
+        if let Some(vertex) = positions.iter().position(|position| !is_finite(position)) {
             let pointer = format!("/accessors/{index}");
             let message = format!(
                 "position {vertex} of {referrer} is not finite: {:?}; repair the mesh",
@@ -167,6 +188,22 @@ impl Reader<'_> {
             return Err(self.context.error(code, pointer, message));
         }
         Ok(positions)
+    }
+
+    /// The elements of an attribute, from the compressed data where that has the attribute.
+    fn floats<const N: usize>(
+        &self,
+        semantic: &Semantic,
+        index: usize,
+        referrer: &str,
+        types: IntegerTypes,
+    ) -> Result<Vec<[f32; N]>> {
+        let name = semantic.to_string();
+        let packed = match &self.draco {
+            Some(draco) => draco.packed(self.context, &name, index, referrer)?,
+            None => None,
+        };
+        accessor::floats_from(self.context, index, referrer, types, packed.as_deref())
     }
 
     /// `extended` where the file declares quantised attributes, `core` otherwise.
@@ -188,9 +225,42 @@ impl Reader<'_> {
         self.optional(semantic, count, self.quantized(extended, &[]))
     }
 
-    fn texture_coordinates(&self, set: u32, count: usize) -> Result<Option<Vec<[f32; 2]>>> {
+    fn texture_coordinates(&self, set: Option<u32>, count: usize) -> Result<Option<Vec<[f32; 2]>>> {
+        let Some(set) = set else {
+            return Ok(None);
+        };
         let types = self.quantized(ANY_SMALL, UNSIGNED_NORMALIZED);
         self.optional(&Semantic::TexCoords(set), count, types)
+    }
+
+    /// `COLOR_0` as linear RGBA within 0 to 1.
+    fn colors(&self, count: usize) -> Result<Option<Vec<[f32; 4]>>> {
+        let semantic = Semantic::Colors(0);
+        let Some(index) = self.attribute(&semantic) else {
+            return Ok(None);
+        };
+        let referrer = self.referrer(&semantic);
+        let (_, components) = accessor::layout(self.context, index, &referrer)?;
+        let colors = if components == 3 {
+            let colors = self.optional::<3>(&semantic, count, UNSIGNED_NORMALIZED)?;
+            colors.map(|colors| colors.iter().map(|&[r, g, b]| [r, g, b, 1.0]).collect())
+        } else {
+            self.optional::<4>(&semantic, count, UNSIGNED_NORMALIZED)?
+        };
+        Ok(colors.map(|mut colors: Vec<[f32; 4]>| {
+            let mut clamped = 0u64;
+            for value in colors.as_flattened_mut() {
+                let within = value.clamp(0.0, 1.0);
+                clamped += u64::from(within != *value);
+                *value = within;
+            }
+            if clamped > 0 {
+                let message = format!("{clamped} values of COLOR_0 were clamped to 0..=1");
+                self.context
+                    .warn_group("vertex-color-range", &referrer, &referrer, message);
+            }
+            colors
+        }))
     }
 
     /// An attribute that may be absent, has `count` elements, and gets zeros for non-finite values.
@@ -204,13 +274,8 @@ impl Reader<'_> {
             return Ok(None);
         };
         let referrer = self.referrer(semantic);
-        let found = accessor::count(self.context, index, &referrer)?;
-        if found != count as u64 {
-            let message = format!("{found} elements for {count} positions; export again");
-            let code = "attribute-count";
-            return Err(self.context.error(code, referrer, message));
-        }
-        let mut values = accessor::floats::<N>(self.context, index, &referrer, types)?;
+        self.check_count(index, count, &referrer)?;
+        let mut values = self.floats::<N>(semantic, index, &referrer, types)?;
         let mut replaced = 0u64;
         for value in values.as_flattened_mut() {
             if !value.is_finite() {
@@ -227,36 +292,76 @@ impl Reader<'_> {
         Ok(Some(values))
     }
 
-    fn indices(&self, vertices: usize) -> Result<Vec<u32>> {
-        let pointer = format!("{}/indices", self.pointer);
-        let Some(accessor) = &self.primitive.indices else {
-            let count = u32::try_from(vertices).ok().filter(|count| count % 3 == 0);
-            let Some(count) = count else {
-                let message = format!(
-                    "{vertices} vertices without indices are no whole number of triangles; export again"
-                );
-                return Err(self.context.error("index-count", &self.pointer, message));
-            };
-            return Ok((0..count).collect());
+    /// Checks that an accessor has one element per position.
+    fn check_count(&self, index: usize, count: usize, referrer: &str) -> Result<()> {
+        let found = accessor::count(self.context, index, referrer)?;
+        if found == count as u64 {
+            return Ok(());
+        }
+        let message = format!("{found} elements for {count} positions; export again");
+        Err(self.context.error("attribute-count", referrer, message))
+    }
+
+    /// The corners of the triangles.
+    fn indices(&self, topology: Topology, vertices: usize) -> Result<Vec<u32>> {
+        let (corners, topology) = match (&self.draco, &self.primitive.indices) {
+            (Some(draco), _) => (
+                self.checked_indices(draco.indices(), None, vertices, &self.pointer)?,
+                Topology::List,
+            ),
+            (None, Some(index)) => (self.indexed(index.value(), vertices)?, topology),
+            (None, None) => match u32::try_from(vertices) {
+                Ok(count) => ((0..count).collect(), topology),
+                Err(_) => unreachable!("a scene has fewer vertices than u32 can count"),
+            },
         };
-        let index = accessor.value();
+        if !topology.accepts(corners.len()) {
+            let (count, what) = match &self.primitive.indices {
+                Some(_) => (corners.len(), "indices"),
+                None => (vertices, "vertices without indices"),
+            };
+            let message = format!("{count} {what} are no whole number of triangles; export again");
+            return Err(self.context.error("index-count", &self.pointer, message));
+        }
+        let triangles = topology.triangles(corners);
+        if topology != Topology::List {
+            let stitches = topology::degenerate(&triangles);
+            if stitches > 0 {
+                let message = format!(
+                    "{stitches} triangles of a strip or fan name a vertex twice; they have no area"
+                );
+                self.warn("degenerate-triangles", &message);
+            }
+        }
+        Ok(triangles)
+    }
+
+    /// The values of an index accessor.
+    fn indexed(&self, index: usize, vertices: usize) -> Result<Vec<u32>> {
+        let referrer = format!("{}/indices", self.pointer);
         let accessor::Indices { values, restart } =
-            accessor::indices(self.context, index, &pointer)?;
+            accessor::indices(self.context, index, &referrer)?;
+        let pointer = format!("/accessors/{index}");
+        self.checked_indices(values, Some(restart), vertices, &pointer)
+    }
+
+    /// `values`, all of which name a vertex.
+    fn checked_indices(
+        &self,
+        values: Vec<u32>,
+        restart: Option<u32>,
+        vertices: usize,
+        pointer: &str,
+    ) -> Result<Vec<u32>> {
         let fault = |code, message: String| {
             let message = format!("{message} (indices of {}); export again", self.pointer);
-            Err(self
-                .context
-                .error(code, format!("/accessors/{index}"), message))
+            Err(self.context.error(code, pointer, message))
         };
-        if values.len() % 3 != 0 {
-            let message = format!("{} indices are no whole number of triangles", values.len());
-            return fault("index-count", message);
-        }
-        let bad = |&value: &u32| value == restart || value as usize >= vertices;
+        let bad = |&value: &u32| Some(value) == restart || value as usize >= vertices;
         match values.iter().position(bad) {
             None => Ok(values),
-            Some(at) if values[at] == restart => {
-                let message = format!("index {at} is the reserved restart value {restart}");
+            Some(at) if Some(values[at]) == restart => {
+                let message = format!("index {at} is the reserved restart value {}", values[at]);
                 fault("index-restart", message)
             }
             Some(at) => {
@@ -278,182 +383,9 @@ impl Reader<'_> {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::import::testing::{context, data_uri, fault};
-
-    /// One mesh over a buffer of floats followed by `tail`; accessor 0 holds `vertices` VEC3.
-    fn scene(floats: &[f32], tail: &[u8], accessors: &str, primitives: &str) -> Context {
-        let mut bytes: Vec<u8> = floats.iter().flat_map(|v| v.to_le_bytes()).collect();
-        let split = bytes.len();
-        bytes.extend(tail);
-        context(&format!(
-            r#""buffers":[{{"byteLength":{},"uri":"{}"}}],
-            "bufferViews":[{{"buffer":0,"byteLength":{split}}},
-                {{"buffer":0,"byteOffset":{split},"byteLength":{}}}],
-            "accessors":[{accessors}],"meshes":[{{"primitives":[{primitives}]}}]"#,
-            bytes.len(),
-            data_uri(&bytes),
-            tail.len(),
-        ))
-    }
-
-    const TRIANGLE: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-    const POSITIONS: &str = r#"{"bufferView":0,"componentType":5126,"type":"VEC3","count":3}"#;
-    const PLAIN: &str = r#"{"attributes":{"POSITION":0}}"#;
-    const INDEXED: &str = r#"{"attributes":{"POSITION":0},"indices":1}"#;
-
-    fn indexed(component: u32, count: usize, tail: &[u8]) -> Result<Mesh> {
-        let accessors = format!(
-            r#"{POSITIONS},{{"bufferView":1,"componentType":{component},"type":"SCALAR","count":{count}}}"#
-        );
-        read(&scene(&TRIANGLE, tail, &accessors, INDEXED), 0)
-    }
-
-    fn warnings(context: Context) -> Vec<&'static str> {
-        context
-            .finish()
-            .1
-            .iter()
-            .map(|warning| warning.code)
-            .collect()
-    }
-
-    #[test]
-    fn triangles_are_read_with_and_without_indices() {
-        let mesh = read(&scene(&TRIANGLE, &[], POSITIONS, PLAIN), 0).unwrap();
-        assert_eq!(mesh.primitives[0].indices, [0, 1, 2]);
-        assert_eq!(mesh.primitives[0].positions[1], [1.0, 0.0, 0.0]);
-        let mesh = indexed(5121, 3, &[2, 1, 0]).unwrap();
-        assert_eq!(mesh.primitives[0].indices, [2, 1, 0]);
-        let mesh = indexed(5123, 3, &[2, 0, 1, 0, 0, 0]).unwrap();
-        assert_eq!(mesh.primitives[0].indices, [2, 1, 0]);
-    }
-
-    #[test]
-    fn bad_indices_are_refused() {
-        let error = fault(indexed(5121, 3, &[0, 1, 3]));
-        assert_eq!(
-            (error.code, error.place.as_str()),
-            ("index-out-of-range", "/accessors/1")
-        );
-        assert!(error.message.contains("index 2 is 3"), "{}", error.message);
-        for (component, tail) in [
-            (5121, &[0, 1, 0xff][..]),
-            (5123, &[0, 0, 1, 0, 0xff, 0xff]),
-            (5125, &[0, 0, 0, 0, 1, 0, 0, 0, 0xff, 0xff, 0xff, 0xff]),
-        ] {
-            assert_eq!(fault(indexed(component, 3, tail)).code, "index-restart");
-        }
-        assert_eq!(fault(indexed(5121, 2, &[0, 1])).code, "index-count");
-        let four = POSITIONS.replace("\"count\":3", "\"count\":4");
-        let context = scene(&[0.0; 12], &[], &four, PLAIN);
-        assert_eq!(fault(read(&context, 0)).code, "index-count");
-    }
-
-    #[test]
-    fn non_finite_values_are_refused_in_positions_and_zeroed_elsewhere() {
-        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            let mut floats = TRIANGLE;
-            floats[4] = bad;
-            let error = fault(read(&scene(&floats, &[], POSITIONS, PLAIN), 0));
-            assert_eq!(error.code, "non-finite-position");
-            assert!(error.message.contains("position 1 "));
-        }
-        let mut floats = [TRIANGLE, TRIANGLE].concat();
-        floats[9] = f32::NAN;
-        floats[13] = f32::INFINITY;
-        let normals = POSITIONS.replace("\"count\"", "\"byteOffset\":36,\"count\"");
-        let primitive = r#"{"attributes":{"POSITION":0,"NORMAL":1}}"#;
-        let context = scene(&floats, &[], &format!("{POSITIONS},{normals}"), primitive);
-        let mesh = read(&context, 0).unwrap();
-        assert_eq!(
-            mesh.primitives[0].normals.as_ref().unwrap()[..2],
-            [[0.0; 3], [1.0, 0.0, 0.0]]
-        );
-        let (_, diagnostics) = context.finish();
-        assert!(
-            diagnostics[0]
-                .message
-                .starts_with("2 non-finite values of NORMAL")
-        );
-    }
-
-    #[test]
-    fn other_modes_are_skipped_and_counted() {
-        let modes = [0, 1, 2, 3, 5, 6, 5]
-            .map(|mode| format!(r#"{{"attributes":{{"POSITION":0}},"mode":{mode}}}"#));
-        let context = scene(&TRIANGLE, &[], POSITIONS, &modes.join(","));
-        assert!(read(&context, 0).unwrap().primitives.is_empty());
-        let (_, diagnostics) = context.finish();
-        assert_eq!(diagnostics.len(), 6);
-        assert!(
-            diagnostics[4].message.contains("the first of 2"),
-            "{}",
-            diagnostics[4]
-        );
-        let context = scene(
-            &TRIANGLE,
-            &[],
-            POSITIONS,
-            r#"{"attributes":{"POSITION":0},"mode":7}"#,
-        );
-        assert_eq!(fault(read(&context, 0)).code, "primitive-mode");
-    }
-
-    #[test]
-    fn empty_and_shapeless_primitives_are_dropped() {
-        let none = POSITIONS.replace("\"count\":3", "\"count\":0");
-        let primitives = format!(r#"{PLAIN},{{"attributes":{{}}}}"#);
-        let context = scene(&TRIANGLE, &[], &none, &primitives);
-        assert!(read(&context, 0).unwrap().primitives.is_empty());
-        assert_eq!(
-            warnings(context),
-            ["primitive-empty", "primitive-without-position"]
-        );
-        assert!(indexed(5121, 0, &[]).unwrap().primitives.is_empty());
-    }
-
-    #[test]
-    fn attribute_faults_are_refused() {
-        let code = |accessor: &str, semantic: &str| {
-            let primitive = format!(r#"{{"attributes":{{"POSITION":0,"{semantic}":1}}}}"#);
-            let accessors = format!("{POSITIONS},{accessor}");
-            fault(read(&scene(&TRIANGLE, &[], &accessors, &primitive), 0)).code
-        };
-        let two = r#"{"componentType":5126,"type":"VEC3","count":2}"#;
-        assert_eq!(code(two, "NORMAL"), "attribute-count");
-        let short = r#"{"componentType":5122,"type":"VEC3","count":3,"normalized":true}"#;
-        assert_eq!(code(short, "NORMAL"), "accessor-type");
-        let plain = r#"{"componentType":5121,"type":"VEC2","count":3}"#;
-        assert_eq!(code(plain, "TEXCOORD_0"), "accessor-type");
-        let vec2 = POSITIONS.replace("VEC3", "VEC2");
-        assert_eq!(
-            fault(read(&scene(&TRIANGLE, &[], &vec2, PLAIN), 0)).code,
-            "accessor-type"
-        );
-        let material = r#"{"attributes":{"POSITION":0},"material":4}"#;
-        let context = scene(&TRIANGLE, &[], POSITIONS, material);
-        assert_eq!(
-            fault(read(&context, 0)).place,
-            "/meshes/0/primitives/0/material"
-        );
-    }
-
-    #[test]
-    fn ignored_features_are_warned_of_once() {
-        let primitive = r#"{"attributes":{"POSITION":0,"COLOR_0":9},"targets":[{"POSITION":9}]}"#;
-        let context = scene(
-            &TRIANGLE,
-            &[],
-            POSITIONS,
-            &format!("{primitive},{primitive}"),
-        );
-        assert_eq!(read(&context, 0).unwrap().primitives.len(), 2);
-        assert_eq!(
-            warnings(context),
-            ["vertex-color-ignored", "morph-target-ignored"]
-        );
-    }
+fn is_finite(vector: &[f32; 3]) -> bool {
+    vector.iter().all(|value| value.is_finite())
 }
+
+#[cfg(test)]
+mod tests;

@@ -5,31 +5,39 @@ mod buffer;
 mod camera;
 mod context;
 mod document;
+mod draco;
 mod environment;
+mod extension;
 mod glb;
 mod image;
+mod instancing;
 mod integers;
 mod light;
 mod material;
 mod mesh;
+mod meshopt;
 mod node;
 mod radiance;
+mod skin;
 mod sniff;
 #[cfg(test)]
 mod testing;
 mod texture;
+mod topology;
 mod uri;
+mod uv_sets;
 
 use std::collections::BTreeSet;
 use std::path::Path;
 
 use crate::diagnostic::Result;
-use crate::scene::{Material, Scene};
+use crate::scene::{Material, Mesh, Scene};
 
 pub use environment::{EnvironmentImage, ReplacedTexels, load_environment};
 pub use image::{DecodedImage, decode_image};
 
 use context::Context;
+use node::Placed;
 
 /// Reads a `.gltf` or `.glb` file with everything its scene needs (glTF 2.0 specification).
 ///
@@ -48,15 +56,15 @@ pub fn import(path: &Path) -> Result<Scene> {
 /// Reads everything that the scene of an opened file reaches.
 fn assemble(context: Context, name: String) -> Result<Scene> {
     context.note_ignored_features();
-    let placed = node::place(&context)?;
+    let mut placed = node::place(&context)?;
     let mut scene = Scene {
         name,
+        meshes: read_meshes(&context, &mut placed)?,
         instances: placed.instances,
         lights: placed.lights,
         cameras: placed.cameras,
         ..Scene::default()
     };
-    read_meshes(&context, &mut scene)?;
     read_materials(&context, &mut scene)?;
     texture::read_used(&context, &mut scene)?;
     (scene.sources, scene.diagnostics) = context.finish();
@@ -64,16 +72,27 @@ fn assemble(context: Context, name: String) -> Result<Scene> {
 }
 
 /// Reads the meshes that instances name, in glTF order, and renumbers the instances.
-fn read_meshes(context: &Context, scene: &mut Scene) -> Result<()> {
-    let used: BTreeSet<u32> = scene.instances.iter().map(|i| i.mesh).collect();
-    let renumber = Renumber::new(&used);
-    for &index in &used {
-        scene.meshes.push(mesh::read(context, index)?);
+fn read_meshes(context: &Context, placed: &mut Placed) -> Result<Vec<Mesh>> {
+    let mut order: Vec<usize> = (0..placed.shapes.len()).collect();
+    order.sort_by_key(|&number| &placed.shapes[number]);
+    let mut ranks = vec![0; order.len()];
+    let mut meshes = Vec::with_capacity(order.len());
+    for (rank, &number) in order.iter().enumerate() {
+        ranks[number] = rank as u32;
+        let shape = &placed.shapes[number];
+        let joints = shape
+            .skin
+            .map(|skin| skin::joint_matrices(context, skin, &placed.worlds));
+        let pose = mesh::Pose {
+            weights: shape.weights(),
+            joints: joints.transpose()?,
+        };
+        meshes.push(mesh::read(context, shape.mesh, &pose)?);
     }
-    for instance in &mut scene.instances {
-        instance.mesh = renumber.get(instance.mesh);
+    for instance in &mut placed.instances {
+        instance.mesh = ranks[instance.mesh as usize];
     }
-    Ok(())
+    Ok(meshes)
 }
 
 /// Reads the materials that primitives name, in glTF order, and renumbers the primitives.

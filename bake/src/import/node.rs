@@ -1,5 +1,7 @@
 //! Walks the node hierarchy: world transforms, mesh instances, lights and cameras.
 
+use std::collections::BTreeMap;
+
 use glam::{DMat4, DQuat, DVec3, DVec4};
 use gltf::json;
 
@@ -8,12 +10,42 @@ use crate::scene::{Camera, Light, MeshInstance};
 
 use super::camera::CameraNames;
 use super::context::Context;
-use super::{camera, light};
+use super::{camera, instancing, light, mesh};
+
+/// The most instances that one scene may have.
+const INSTANCE_LIMIT: usize = 1 << 20;
+
+/// A mesh in its default pose; instances of one shape share it.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Shape {
+    /// glTF index.
+    pub mesh: u32,
+    /// glTF index of the skin; the vertices then are in the world.
+    pub skin: Option<u32>,
+    /// Bits of the morph weights, empty where all are zero.
+    weights: Vec<u32>,
+}
+
+impl Shape {
+    /// The weights of the morph targets, empty where all are zero.
+    pub fn weights(&self) -> Vec<f32> {
+        self.weights
+            .iter()
+            .map(|&bits| f32::from_bits(bits))
+            .collect()
+    }
+}
 
 /// What the nodes of the scene place in the world, in depth-first order.
 #[derive(Default)]
 pub(super) struct Placed {
+    /// `mesh` is an index into `shapes`.
     pub instances: Vec<MeshInstance>,
+    /// In the order of their first instances.
+    pub shapes: Vec<Shape>,
+    numbers: BTreeMap<Shape, u32>,
+    /// World transforms of all nodes where a skin needs them, else of those in the scene.
+    pub worlds: Vec<DMat4>,
     pub lights: Vec<Light>,
     pub cameras: Vec<Camera>,
 }
@@ -30,16 +62,16 @@ pub(super) fn place(context: &Context) -> Result<Placed> {
     let roots = roots(context, &parents)?;
     let nodes = &context.document.nodes;
     let mut placed = Placed::default();
+    let mut worlds = vec![None; nodes.len()];
     let mut names = CameraNames::default();
     let mut stack: Vec<(usize, DMat4)> =
         roots.iter().rev().map(|&r| (r, DMat4::IDENTITY)).collect();
     while let Some((index, parent)) = stack.pop() {
         let node = &nodes[index];
         let world = world(context, index, node, parent)?;
+        worlds[index] = Some(world);
         if let Some(mesh) = node.mesh {
-            placed
-                .instances
-                .push(instance(context, index, node, mesh.value(), world)?);
+            placed.add(context, index, mesh.value(), world)?;
         }
         placed
             .lights
@@ -50,7 +82,31 @@ pub(super) fn place(context: &Context) -> Result<Placed> {
         let children = node.children.as_deref().unwrap_or_default();
         stack.extend(children.iter().rev().map(|child| (child.value(), world)));
     }
+    if placed.shapes.iter().any(|shape| shape.skin.is_some()) {
+        place_rest(context, &parents, &mut worlds)?;
+    }
+    let or_identity = |world: Option<DMat4>| world.unwrap_or_default();
+    placed.worlds = worlds.into_iter().map(or_identity).collect();
     Ok(placed)
+}
+
+/// World transforms of the nodes outside the scene, where joints may be.
+fn place_rest(
+    context: &Context,
+    parents: &[Option<usize>],
+    worlds: &mut [Option<DMat4>],
+) -> Result<()> {
+    let nodes = &context.document.nodes;
+    let unplaced = |&index: &usize| parents[index].is_none() && worlds[index].is_none();
+    let roots = (0..nodes.len()).filter(unplaced);
+    let mut stack: Vec<(usize, DMat4)> = roots.map(|root| (root, DMat4::IDENTITY)).collect();
+    while let Some((index, parent)) = stack.pop() {
+        let world = world(context, index, &nodes[index], parent)?;
+        worlds[index] = Some(world);
+        let children = nodes[index].children.as_deref().unwrap_or_default();
+        stack.extend(children.iter().map(|child| (child.value(), world)));
+    }
+    Ok(())
 }
 
 /// The node's name, else `node N`.
@@ -58,22 +114,68 @@ pub(super) fn name(index: usize, node: &json::Node) -> String {
     node.name.clone().unwrap_or_else(|| format!("node {index}"))
 }
 
-fn instance(
-    context: &Context,
-    index: usize,
-    node: &json::Node,
-    mesh: usize,
-    world: DMat4,
-) -> Result<MeshInstance> {
-    let meshes = context.document.meshes.len();
-    if mesh >= meshes {
-        let pointer = format!("/nodes/{index}/mesh");
-        return Err(context.absent(pointer, "mesh", mesh, meshes));
+impl Placed {
+    /// Places the mesh of a node, once or by the instances of `EXT_mesh_gpu_instancing`.
+    fn add(&mut self, context: &Context, index: usize, mesh: usize, world: DMat4) -> Result<()> {
+        let node = &context.document.nodes[index];
+        let meshes = context.document.meshes.len();
+        if mesh >= meshes {
+            let pointer = format!("/nodes/{index}/mesh");
+            return Err(context.absent(pointer, "mesh", mesh, meshes));
+        }
+        let limit = INSTANCE_LIMIT.saturating_sub(self.instances.len());
+        let locals = instancing::read(context, index, node, limit)?;
+        let shape = shape(context, index, mesh)?;
+        let skinned = shape.skin.is_some();
+        let next = self.shapes.len() as u32;
+        let number = *self.numbers.entry(shape.clone()).or_insert(next);
+        if number == next {
+            self.shapes.push(shape);
+        }
+        let mut push = |name: String, world: DMat4| {
+            let mesh = number;
+            self.instances.push(MeshInstance { name, mesh, world });
+        };
+        let name = name(index, node);
+        match locals {
+            // Only the joints place a skinned mesh.
+            _ if skinned => push(name, DMat4::IDENTITY),
+            None => push(name, world),
+            Some(locals) => {
+                for (instance, local) in locals.into_iter().enumerate() {
+                    let world = finite(context, index, world * local)?;
+                    push(format!("{name} #{instance}"), world);
+                }
+            }
+        }
+        Ok(())
     }
-    Ok(MeshInstance {
-        name: name(index, node),
+}
+
+fn shape(context: &Context, index: usize, mesh: usize) -> Result<Shape> {
+    let node = &context.document.nodes[index];
+    let json = &context.document.meshes[mesh];
+    let weights = node.weights.as_ref().or(json.weights.as_ref());
+    let weights = weights.map_or(&[][..], Vec::as_slice);
+    if !weights.iter().all(|weight| weight.is_finite()) {
+        let message = "a morph weight is not finite; correct it";
+        let pointer = format!("/nodes/{index}");
+        return Err(context.error("morph-weight", pointer, message));
+    }
+    let neutral = weights.iter().all(|&weight| weight == 0.0);
+    let mut skin = node.skin.as_ref().map(|skin| skin.value() as u32);
+    if skin.is_some() && !mesh::is_skinnable(json) {
+        let message = "the mesh has no JOINTS_0 and WEIGHTS_0, so its skin is left out";
+        context.warn("skin-attributes", format!("/nodes/{index}/skin"), message);
+        skin = None;
+    }
+    Ok(Shape {
         mesh: mesh as u32,
-        world,
+        skin,
+        weights: match neutral {
+            true => Vec::new(),
+            false => weights.iter().map(|weight| weight.to_bits()).collect(),
+        },
     })
 }
 
@@ -152,7 +254,10 @@ fn roots(context: &Context, parents: &[Option<usize>]) -> Result<Vec<usize>> {
 }
 
 fn world(context: &Context, index: usize, node: &json::Node, parent: DMat4) -> Result<DMat4> {
-    let world = parent * local(context, index, node);
+    finite(context, index, parent * local(context, index, node))
+}
+
+fn finite(context: &Context, index: usize, world: DMat4) -> Result<DMat4> {
     if world.is_finite() {
         return Ok(world);
     }
@@ -197,7 +302,12 @@ fn local(context: &Context, index: usize, node: &json::Node) -> DMat4 {
     )
 }
 
-fn unit_quaternion(context: &Context, value: [f32; 4], pointer: impl Fn() -> String) -> DQuat {
+/// The rotation of a quaternion, with a warning where that is not of unit length.
+pub(super) fn unit_quaternion(
+    context: &Context,
+    value: [f32; 4],
+    pointer: impl Fn() -> String,
+) -> DQuat {
     let quaternion = DVec4::from_array(value.map(f64::from));
     let length = quaternion.length();
     if length == 0.0 {
@@ -391,5 +501,51 @@ mod tests {
         let names: Vec<&str> = placed.cameras.iter().map(|c| c.name.as_str()).collect();
         assert_eq!(names, ["eye", "eye (2)", "eye (2) (2)", "camera 0"]);
         assert_eq!(placed.cameras[0].forward, DVec3::NEG_Z);
+    }
+
+    #[test]
+    fn gpu_instances_are_placed_in_their_node() {
+        let zeros = r#""accessors":[{"componentType":5126,"type":"VEC3","count":3}]"#;
+        let node = r#"{"mesh":0,"name":"n","translation":[1,2,3],
+            "extensions":{"EXT_mesh_gpu_instancing":{"attributes":{"TRANSLATION":0}}}}"#;
+        let placed = placed(&format!(r#"{MESH},{zeros},"nodes":[{node},{{"mesh":0}}]"#));
+        let names: Vec<&str> = placed.instances.iter().map(|i| i.name.as_str()).collect();
+        assert_eq!(names, ["n #0", "n #1", "n #2", "node 1"]);
+        assert_eq!(placed.instances[2].world.w_axis.y, 2.0);
+        assert_eq!(placed.shapes.len(), 1);
+        let many = zeros.replace("3}", "1048577}");
+        let body = format!(r#"{MESH},{many},"nodes":[{node}]"#);
+        assert_eq!(code(&body), "scene-too-large");
+    }
+
+    #[test]
+    fn meshes_are_shared_where_their_pose_is() {
+        let body = r#""meshes":[{"primitives":[],"weights":[0,0.5]}],"skins":[{"joints":[5]}],
+            "nodes":[{"mesh":0},{"mesh":0,"weights":[0,0]},{"mesh":0,"weights":[0,0.5]},
+                {"mesh":0,"skin":0,"translation":[9,9,9]},{"mesh":0,"skin":0},{"translation":[7,0,0]}],
+            "scenes":[{"nodes":[0,1,2,3,4]}]"#;
+        let placed = placed(body);
+        let meshes: Vec<u32> = placed.instances.iter().map(|i| i.mesh).collect();
+        assert_eq!(meshes, [0, 1, 0, 2, 2]);
+        assert_eq!(placed.shapes[0].weights(), [0.0, 0.5]);
+        assert!(placed.shapes[1].weights().is_empty());
+        assert_eq!(placed.shapes[2].skin, Some(0));
+        assert_eq!(placed.instances[3].world, DMat4::IDENTITY);
+        // The joint is not in the scene but has a place.
+        assert_eq!(placed.worlds[5].w_axis.x, 7.0);
+    }
+
+    #[test]
+    fn skins_of_meshes_without_joints_are_left_out() {
+        let context = context(
+            r#""meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"skins":[{"joints":[0]}],
+            "nodes":[{"mesh":0,"skin":0,"translation":[1,0,0]}]"#,
+        );
+        let placed = place(&context).unwrap();
+        assert_eq!(placed.shapes[0].skin, None);
+        assert_eq!(placed.instances[0].world.w_axis.x, 1.0);
+        assert_eq!(context.finish().1[0].code, "skin-attributes");
+        let weights = r#""meshes":[{"primitives":[],"weights":[1e39]}],"nodes":[{"mesh":0}]"#;
+        assert_eq!(code(weights), "morph-weight");
     }
 }

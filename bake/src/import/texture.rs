@@ -149,7 +149,7 @@ mod tests {
     fn using<const N: usize>(textures: [u32; N]) -> Scene {
         let mut material = Material::default();
         for (slot, texture) in slots(&mut material).into_iter().zip(textures) {
-            *slot = Some(TextureRef { texture, uv_set: 0 });
+            *slot = Some(TextureRef::new(texture, 0));
         }
         Scene {
             materials: vec![material],

@@ -1,26 +1,34 @@
 //! Fills the vertex and index arenas with what is drawn.
 
+use std::cmp::Reverse;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use cairn_format::gpu::VertexColor;
 use cairn_format::scene::{self, Bounds};
 use cairn_format::{Aabb, Vertex};
 use rayon::prelude::*;
 
 use crate::diagnostic::{Diagnostic, Result};
-use crate::scene::{Mesh, Primitive, Scene};
+use crate::scene::{AlphaMode, Primitive, Scene};
 
 use super::materials::{self, MaterialUse};
+use super::order::Policy;
 use super::primitive::{self, Built};
-use super::{GeometryStats, fault, origin};
+use super::steps::Steps;
+use super::{GeometryStats, colors, fault, origin};
 
 /// Vulkan's vertex offset is signed.
 const MAX_VERTICES: u64 = i32::MAX as u64;
 const MAX_INDICES: u64 = u32::MAX as u64;
+/// Primitives, the largest, whose overdraw is measured: measuring takes longer than ordering.
+const OVERDRAW_SAMPLES: usize = 16;
 
 /// The stored geometry.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Stored {
     pub(super) vertices: Vec<Vertex>,
+    /// One per vertex; empty where no primitive has colours.
+    pub(super) colors: Vec<VertexColor>,
     pub(super) indices: Vec<u32>,
     pub(super) meshes: Vec<scene::Mesh>,
     pub(super) primitives: Vec<scene::Primitive>,
@@ -29,21 +37,33 @@ pub(super) struct Stored {
     /// Material record to index into the scene's materials.
     pub(super) materials: Vec<Option<u32>>,
     pub(super) stats: GeometryStats,
+    pub(super) steps: Steps,
     pub(super) diagnostics: Vec<Diagnostic>,
 }
 
-/// Stores every mesh that a node draws, in the order of the scene. `progress` gets 0..=1.
-pub(super) fn build(scene: &Scene, progress: &(dyn Fn(f32) + Sync)) -> Result<Stored> {
-    let jobs = drawn(scene);
-    let built = build_all(scene, &jobs, progress);
+/// A primitive to build.
+struct Job {
+    /// Index into the scene's meshes.
+    mesh: usize,
+    material: Option<u32>,
+    policy: Policy,
+    primitive: Primitive,
+}
+
+/// Stores every mesh that a node draws, in the order of the scene, and takes the primitives out of it.
+/// `progress` gets 0..=1.
+pub(super) fn build(scene: &mut Scene, progress: &(dyn Fn(f32) + Sync)) -> Result<Stored> {
+    let jobs = take_drawn(scene);
+    let sources: Vec<_> = jobs.iter().map(|job| (job.mesh, job.material)).collect();
+    let built = build_all(scene, jobs, progress);
     let mut stored = Stored {
         mesh_numbers: vec![None; scene.meshes.len()],
         ..Stored::default()
     };
     reserve(scene, &mut stored, &built)?;
     let mut records = Records::new(scene.materials.len());
-    for ((mesh, source), built) in jobs.into_iter().zip(built) {
-        let mesh_number = stored.mesh(mesh, &scene.meshes[mesh]);
+    for ((mesh, material), built) in sources.into_iter().zip(built) {
+        let mesh_number = stored.mesh(mesh, &scene.meshes[mesh].name);
         if let Some(why) = built.warning {
             let name = &scene.meshes[mesh].name;
             let message = format!(
@@ -53,49 +73,59 @@ pub(super) fn build(scene: &Scene, progress: &(dyn Fn(f32) + Sync)) -> Result<St
             let warning = Diagnostic::warning("tangents-arbitrary", &origin(scene), message);
             stored.diagnostics.push(warning);
         }
-        let material = records.number(source.material);
-        stored.append(mesh_number, built, material);
+        let opaque = alpha_mode(scene, material) == AlphaMode::Opaque;
+        let material = records.number(material);
+        stored.append(mesh_number, built, material, opaque);
     }
     stored.materials = records.used;
     Ok(stored)
 }
 
-/// The primitives that are drawn and have triangles, with the index of their mesh.
-fn drawn(scene: &Scene) -> Vec<(usize, &Primitive)> {
+fn alpha_mode(scene: &Scene, material: Option<u32>) -> AlphaMode {
+    materials::get(scene, material).map_or(AlphaMode::Opaque, |material| material.alpha_mode)
+}
+
+/// The primitives that are drawn and have triangles; the scene's meshes lose all of theirs.
+fn take_drawn(scene: &mut Scene) -> Vec<Job> {
     let mut used = vec![false; scene.meshes.len()];
     for instance in &scene.instances {
         used[instance.mesh as usize] = true;
     }
-    let meshes = scene
-        .meshes
-        .iter()
-        .enumerate()
-        .filter(|(index, _)| used[*index]);
-    meshes
-        .flat_map(|(index, mesh)| {
-            mesh.primitives
-                .iter()
-                .map(move |primitive| (index, primitive))
-        })
-        .filter(|(_, primitive)| !primitive.indices.is_empty())
-        .collect()
+    let mut jobs = Vec::new();
+    for (mesh, used) in used.into_iter().enumerate() {
+        let primitives = std::mem::take(&mut scene.meshes[mesh].primitives);
+        let drawn = primitives
+            .into_iter()
+            .filter(|primitive| used && !primitive.indices.is_empty());
+        jobs.extend(drawn.map(|primitive| Job {
+            mesh,
+            material: primitive.material,
+            policy: Policy {
+                keep: alpha_mode(scene, primitive.material) == AlphaMode::Blend,
+                measure_overdraw: false,
+            },
+            primitive,
+        }));
+    }
+    let mut largest: Vec<usize> = (0..jobs.len()).collect();
+    largest.sort_by_key(|job| Reverse(jobs[*job].primitive.indices.len()));
+    for job in largest.into_iter().take(OVERDRAW_SAMPLES) {
+        jobs[job].policy.measure_overdraw = true;
+    }
+    jobs
 }
 
-fn build_all(
-    scene: &Scene,
-    jobs: &[(usize, &Primitive)],
-    progress: &(dyn Fn(f32) + Sync),
-) -> Vec<Built> {
+fn build_all(scene: &Scene, jobs: Vec<Job>, progress: &(dyn Fn(f32) + Sync)) -> Vec<Built> {
     let total: u64 = jobs
         .iter()
-        .map(|(_, primitive)| primitive.indices.len() as u64)
+        .map(|job| job.primitive.indices.len() as u64)
         .sum();
     let done = AtomicU64::new(0);
-    jobs.par_iter()
-        .map(|(_, source)| {
-            let uses = MaterialUse::of(materials::get(scene, source.material));
-            let built = primitive::build(source, &uses);
-            let corners = source.indices.len() as u64;
+    jobs.into_par_iter()
+        .map(|job| {
+            let uses = MaterialUse::of(materials::get(scene, job.material));
+            let corners = job.primitive.indices.len() as u64;
+            let built = primitive::build(job.primitive, &uses, job.policy);
             let before = done.fetch_add(corners, Ordering::Relaxed);
             progress(((before + corners) as f64 / total as f64) as f32);
             built
@@ -117,8 +147,11 @@ fn reserve(scene: &Scene, stored: &mut Stored, built: &[Built]) -> Result<()> {
         sum(|built| built.indices.len()),
         MAX_INDICES,
     )?;
-    stored.vertices.reserve_exact(vertices);
-    stored.indices.reserve_exact(indices);
+    // A single primitive becomes the arena as it is.
+    if built.len() > 1 {
+        stored.vertices.reserve_exact(vertices);
+        stored.indices.reserve_exact(indices);
+    }
     Ok(())
 }
 
@@ -135,12 +168,12 @@ pub(super) fn limited(scene: &Scene, what: &str, count: u64, limit: u64) -> Resu
 
 impl Stored {
     /// The number of mesh `index` of the scene; its primitives must come one behind the other.
-    fn mesh(&mut self, index: usize, mesh: &Mesh) -> usize {
+    fn mesh(&mut self, index: usize, name: &str) -> usize {
         let next = self.meshes.len() as u32;
         let number = *self.mesh_numbers[index].get_or_insert(next);
         if number == next {
             self.meshes.push(scene::Mesh {
-                name: mesh.name.clone(),
+                name: name.to_owned(),
                 first_primitive: self.primitives.len() as u32,
                 primitive_count: 0,
             });
@@ -148,19 +181,38 @@ impl Stored {
         number as usize
     }
 
-    fn append(&mut self, mesh: usize, built: Built, material: u32) {
+    fn append(&mut self, mesh: usize, built: Built, material: u32, opaque: bool) {
         self.stats.add(&built.stats);
+        self.steps.add(&built.steps);
         self.meshes[mesh].primitive_count += 1;
         self.primitives.push(scene::Primitive {
             first_index: self.indices.len() as u32,
             index_count: built.indices.len() as u32,
+            traced_index_count: built.traced as u32,
             first_vertex: self.vertices.len() as u32,
             vertex_count: built.vertices.len() as u32,
             material,
+            opaque,
             bounds: bounds(&built.bounds),
         });
-        self.vertices.extend_from_slice(&built.vertices);
-        self.indices.extend_from_slice(&built.indices);
+        let before = self.vertices.len();
+        append(&mut self.vertices, built.vertices);
+        append(&mut self.indices, built.indices);
+        if !built.colors.is_empty() {
+            self.colors.resize(before, colors::WHITE);
+            append(&mut self.colors, built.colors);
+        }
+        if !self.colors.is_empty() {
+            self.colors.resize(self.vertices.len(), colors::WHITE);
+        }
+    }
+}
+
+fn append<T: Copy>(arena: &mut Vec<T>, values: Vec<T>) {
+    if arena.capacity() == 0 {
+        *arena = values;
+    } else {
+        arena.extend_from_slice(&values);
     }
 }
 
@@ -199,6 +251,7 @@ impl Records {
 mod tests {
     use super::*;
     use crate::prepare::testing::{grid, node, normal_mapped, one_mesh};
+    use crate::scene::Mesh;
     use glam::DMat4;
 
     fn mesh(name: &str, primitives: Vec<Primitive>) -> Mesh {
@@ -237,7 +290,7 @@ mod tests {
         scene.instances = [3, 2, 1, 2]
             .map(|mesh| node(mesh, DMat4::IDENTITY))
             .to_vec();
-        let stored = build(&scene, &|_| ()).expect("the scene is valid");
+        let stored = build(&mut scene, &|_| ()).expect("the scene is valid");
         let names: Vec<&str> = stored
             .meshes
             .iter()
@@ -275,13 +328,13 @@ mod tests {
         let mut scene = one_mesh(with_material(Some(0)));
         scene.materials = vec![normal_mapped(1)];
         assert!(
-            build(&scene, &|_| ())
+            build(&mut scene.clone(), &|_| ())
                 .expect("valid")
                 .diagnostics
                 .is_empty()
         );
         scene.meshes[0].primitives[0].uv1 = None;
-        let stored = build(&scene, &|_| ()).expect("valid");
+        let stored = build(&mut scene, &|_| ()).expect("valid");
         assert_eq!(stored.stats.missing_normal_uvs, 1);
         assert_eq!(stored.diagnostics.len(), 1);
         assert_eq!(stored.diagnostics[0].code, "tangents-arbitrary");

@@ -10,6 +10,7 @@ use crate::scene::{AlphaMode, Scene};
 use super::bounds::{Cloud, WorldBounds};
 use super::geometry::{Stored, limited};
 use super::matrix::Placement;
+use super::morton::Grid;
 use super::{GeometryStats, fault, materials};
 
 /// Everything that nodes place.
@@ -33,7 +34,7 @@ struct Node {
     placement: Placement,
 }
 
-/// What a draw group has in common. The order of the fields is the order of the groups.
+/// What a draw group has in common.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct GroupKey {
     alpha_mode: u32,
@@ -42,7 +43,19 @@ struct GroupKey {
     primitive: u32,
 }
 
+/// An instance on its way to its place.
+struct Draw {
+    key: GroupKey,
+    /// Index into the nodes.
+    node: usize,
+    bounds: Aabb,
+}
+
 /// Instances, bounds and draw groups of all nodes.
+///
+/// Groups are sorted by alpha mode, double-sided and mirrored. Among equals the order is that of the Morton codes of
+/// their bounds, and so is the order of the instances of a group: instances in a row are near each other, and the
+/// bounds of [`cairn_format::bounds::CLUSTER`] of them are small.
 pub(super) fn place(scene: &Scene, geometry: &Stored) -> Result<Placed> {
     let nodes = nodes(scene, geometry)?;
     let draws = draws(scene, geometry, &nodes)?;
@@ -54,15 +67,21 @@ pub(super) fn place(scene: &Scene, geometry: &Stored) -> Result<Placed> {
         mirrored: nodes.iter().any(|node| node.placement.mirrored),
         ..Placed::default()
     };
-    for found in bounds(scene, geometry, &nodes, &draws) {
-        let found = found?;
-        placed.bounds.push(found.aabb);
-        placed.stats.bounds_slack_ulp = placed.stats.bounds_slack_ulp.max(found.slack_ulp);
+    let mut found = Vec::with_capacity(draws.len());
+    for ((key, node), world) in draws.iter().zip(bounds(scene, geometry, &nodes, &draws)) {
+        let world = world?;
+        placed.stats.bounds_slack_ulp = placed.stats.bounds_slack_ulp.max(world.slack_ulp);
+        found.push(Draw {
+            key: *key,
+            node: *node,
+            bounds: world.aabb,
+        });
     }
-    for (key, node) in draws {
-        let primitive = &geometry.primitives[key.primitive as usize];
-        placed.append(&key, primitive);
-        let placement = &nodes[node].placement;
+    for draw in in_space(found) {
+        let primitive = &geometry.primitives[draw.key.primitive as usize];
+        placed.append(&draw.key, primitive);
+        placed.bounds.push(draw.bounds);
+        let placement = &nodes[draw.node].placement;
         placed.instances.push(Instance {
             model: placement.model,
             normal_matrix: placement.normal,
@@ -74,6 +93,34 @@ pub(super) fn place(scene: &Scene, geometry: &Stored) -> Result<Placed> {
         placed.stats.drawn_triangles += u64::from(primitive.index_count / 3);
     }
     Ok(placed)
+}
+
+/// Sorts draws whose groups are contiguous, so that neighbours are near each other within what draws must share.
+fn in_space(draws: Vec<Draw>) -> impl Iterator<Item = Draw> {
+    let union = |draws: &[Draw]| {
+        let boxes = draws.iter().map(|draw| draw.bounds);
+        boxes.fold(Aabb::EMPTY, Aabb::union)
+    };
+    let grid = Grid::new(union(&draws));
+    let mut order = Vec::with_capacity(draws.len());
+    for group in draws.chunk_by(|a, b| a.key == b.key) {
+        let place = grid.code(union(group));
+        for draw in group {
+            let GroupKey {
+                alpha_mode,
+                double_sided,
+                mirrored,
+                primitive,
+            } = draw.key;
+            let group = (alpha_mode, double_sided, mirrored, place, primitive);
+            order.push((group, grid.code(draw.bounds), order.len()));
+        }
+    }
+    order.sort_unstable();
+    let mut draws: Vec<Option<Draw>> = draws.into_iter().map(Some).collect();
+    order
+        .into_iter()
+        .filter_map(move |(_, _, index)| draws[index].take())
 }
 
 fn nodes(scene: &Scene, geometry: &Stored) -> Result<Vec<Node>> {

@@ -7,7 +7,7 @@ use crate::scene::{AlphaMode, Material, Scene, TextureRef};
 /// The textures of a material that can change what is seen: an unlit material shows its base colour alone
 /// (`KHR_materials_unlit`), an emissive factor of zero hides its texture, and so does an occlusion strength
 /// of zero.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MaterialUse {
     /// sRGB colour and alpha.
     pub base_color: Option<TextureRef>,
@@ -93,7 +93,7 @@ mod tests {
     use glam::Vec3;
 
     fn textured() -> Material {
-        let texture = |uv_set| Some(TextureRef { texture: 0, uv_set });
+        let texture = |uv_set| Some(TextureRef::new(0, uv_set));
         Material {
             base_color_texture: texture(0),
             normal_texture: texture(1),

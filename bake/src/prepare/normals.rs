@@ -16,6 +16,18 @@ pub(super) fn area_vector(corners: [[f32; 3]; 3]) -> DVec3 {
     cross(b - a, c - a)
 }
 
+/// Whether a triangle has no area: [`area_vector`] is zero.
+pub(super) fn is_degenerate(corners: [[f32; 3]; 3]) -> bool {
+    let [a, b, c] = corners.map(|[x, y, z]| DVec3::new(x.into(), y.into(), z.into()));
+    let (e, f) = (b - a, c - a);
+    // Twice what the three roundings of a plain difference of products can do.
+    const ROUNDING: f64 = 4.0 * f64::EPSILON;
+    let clear = |p: f64, q: f64| (p - q).abs() > ROUNDING * (p.abs() + q.abs());
+    let sound =
+        clear(e.y * f.z, e.z * f.y) || clear(e.z * f.x, e.x * f.z) || clear(e.x * f.y, e.y * f.x);
+    !sound && cross(e, f) == DVec3::ZERO
+}
+
 /// Unit normal of a triangle, or [`FALLBACK`].
 pub(super) fn flat(corners: [[f32; 3]; 3]) -> [f32; 3] {
     let area = area_vector(corners);
@@ -69,6 +81,23 @@ mod tests {
             exponent in -60i32..60,
         ) {
             check(corners, libm::exp2f(exponent as f32));
+        }
+
+        #[test]
+        fn only_exact_zeros_are_degenerate(
+            a in prop::array::uniform3(-1000i32..1000),
+            edge in prop::array::uniform3(-3i32..=3),
+            factors in prop::array::uniform2(-900_000i32..900_000),
+            nudge in prop::array::uniform3(-1i32..=1),
+        ) {
+            let at = |factor: i32, nudge: [i32; 3]| {
+                std::array::from_fn(|axis| a[axis] + edge[axis] * factor + nudge[axis])
+            };
+            for nudge in [[0; 3], nudge] {
+                let corners: [[i32; 3]; 3] = [a, at(factors[0], [0; 3]), at(factors[1], nudge)];
+                let floats = corners.map(|corner| corner.map(|value| value as f32));
+                prop_assert_eq!(is_degenerate(floats), exact(corners) == [0; 3]);
+            }
         }
 
         #[test]

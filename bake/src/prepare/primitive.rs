@@ -1,13 +1,17 @@
 //! One primitive as a welded run of the vertex and index arenas.
 
+use cairn_format::gpu::VertexColor;
 use cairn_format::{Aabb, Vertex};
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
-use crate::scene::Primitive;
+use crate::scene::{Primitive, UvTransform};
 
 use super::GeometryStats;
+use super::colors::{self, Colors};
 use super::materials::MaterialUse;
 use super::normals;
+use super::order::{self, Policy, Welded};
+use super::steps::{Step, Steps};
 use super::tangents::{self, Corners};
 use super::weld::Welder;
 
@@ -15,11 +19,16 @@ use super::weld::Welder;
 #[derive(Clone, Debug)]
 pub(super) struct Built {
     pub(super) vertices: Vec<Vertex>,
-    /// Corners in the order of the source.
+    /// One per vertex; empty where all are white.
+    pub(super) colors: Vec<VertexColor>,
+    /// Triangles with an area come first.
     pub(super) indices: Vec<u32>,
+    /// Indices of the triangles with an area.
+    pub(super) traced: usize,
     /// Object-space bounds of `vertices`, exact.
     pub(super) bounds: Aabb,
     pub(super) stats: GeometryStats,
+    pub(super) steps: Steps,
     /// Why the tangents are stand-ins, where all are.
     pub(super) warning: Option<&'static str>,
 }
@@ -27,57 +36,93 @@ pub(super) struct Built {
 /// Builds a primitive that holds at least one triangle.
 ///
 /// Normals come first, because flat ones replace authored tangents (glTF 2.0 section 3.7.2.1); then tangents on
-/// unindexed corners, because one index may need several; then welding of vertices that agree in every bit.
-pub(super) fn build(primitive: &Primitive, uses: &MaterialUse) -> Built {
+/// unindexed corners, because one index may need several; then welding of vertices that agree in every bit; then
+/// the order of triangles and vertices, which tangents must not see.
+pub(super) fn build(primitive: Primitive, uses: &MaterialUse, policy: Policy) -> Built {
+    let triangles = (primitive.indices.len() / 3) as u64;
     let mut stats = GeometryStats {
-        triangles: (primitive.indices.len() / 3) as u64,
+        triangles,
         vertices_in: primitive.positions.len() as u64,
-        degenerate_triangles: degenerate(primitive),
         ..GeometryStats::default()
     };
+    let mut steps = Steps::default();
+    let (degenerate, flat) = steps.time(Step::Normals, triangles, || {
+        (degenerate(&primitive), flat_normals(&primitive, &mut stats))
+    });
+    stats.degenerate_triangles = degenerate.iter().filter(|flat| **flat).count() as u64;
+    let (mut welded, warning) = weld(&primitive, flat, uses, &mut stats, &mut steps);
+    drop(primitive);
+    stats.vertices_out = welded.vertices.len() as u64;
+    let traced = order::optimize(&mut welded, &degenerate, policy, &mut stats, &mut steps);
+    let bounds = steps.time(Step::Bounds, triangles, || bounds(&welded.vertices));
+    Built {
+        vertices: welded.vertices,
+        colors: welded.colors,
+        indices: welded.indices,
+        traced,
+        bounds,
+        stats,
+        steps,
+        warning,
+    }
+}
+
+fn bounds(vertices: &[Vertex]) -> Aabb {
+    vertices.iter().fold(Aabb::EMPTY, |bounds, vertex| {
+        bounds.include(Vec3::from(vertex.position))
+    })
+}
+
+/// Tangents where `uses` needs them, then welding; and why the tangents are stand-ins where all are.
+fn weld(
+    primitive: &Primitive,
+    flat: Option<Vec<[f32; 3]>>,
+    uses: &MaterialUse,
+    stats: &mut GeometryStats,
+    steps: &mut Steps,
+) -> (Welded, Option<&'static str>) {
+    let triangles = stats.triangles;
+    let colors = colors::stored(primitive);
+    stats.color_error = colors.as_ref().map_or(0.0, |colors| colors.error);
     let mut corners = CornerView {
         primitive,
-        flat: flat_normals(primitive, &mut stats),
+        flat,
         uvs: [
             primitive.uv0.as_deref().filter(|_| uses.samples(0)),
             primitive.uv1.as_deref().filter(|_| uses.samples(1)),
         ],
+        colors,
         normal_uvs: None,
+        transform: None,
         tangents: Tangents::None,
     };
     let mut warning = None;
     if let Some(texture) = uses.normal {
-        corners.normal_uvs = match texture.uv_set {
-            0 => primitive.uv0.as_deref(),
-            _ => primitive.uv1.as_deref(),
-        };
-        (corners.tangents, warning) = corners.make_tangents(&mut stats);
-        stats.mixed_handedness = corners.mixed_handedness();
+        steps.time(Step::Tangents, triangles, || {
+            corners.normal_uvs = match texture.uv_set {
+                0 => primitive.uv0.as_deref(),
+                _ => primitive.uv1.as_deref(),
+            };
+            let transform = Some(texture.transform);
+            corners.transform = transform.filter(|found| *found != UvTransform::IDENTITY);
+            (corners.tangents, warning) = corners.make_tangents(stats);
+            stats.mixed_handedness = corners.mixed_handedness();
+        });
     }
-    let (vertices, indices) = corners.weld();
-    stats.vertices_out = vertices.len() as u64;
-    let bounds = vertices.iter().fold(Aabb::EMPTY, |bounds, vertex| {
-        bounds.include(Vec3::from(vertex.position))
-    });
-    Built {
-        vertices,
-        indices,
-        bounds,
-        stats,
-        warning,
-    }
+    let welded = steps.time(Step::Weld, triangles, || corners.weld());
+    (welded, warning)
 }
 
 fn corner_positions(primitive: &Primitive, triangle: &[u32]) -> [[f32; 3]; 3] {
     std::array::from_fn(|corner| primitive.positions[triangle[corner] as usize])
 }
 
-fn degenerate(primitive: &Primitive) -> u64 {
+/// Whether each triangle has no area.
+fn degenerate(primitive: &Primitive) -> Vec<bool> {
     let triangles = primitive.indices.chunks_exact(3);
-    let flat = |triangle: &&[u32]| {
-        normals::area_vector(corner_positions(primitive, triangle)) == DVec3::ZERO
-    };
-    triangles.filter(flat).count() as u64
+    triangles
+        .map(|triangle| normals::is_degenerate(corner_positions(primitive, triangle)))
+        .collect()
 }
 
 /// One normal per triangle, where the primitive has none.
@@ -109,8 +154,11 @@ struct CornerView<'a> {
     flat: Option<Vec<[f32; 3]>>,
     /// Coordinates that are stored.
     uvs: [Option<&'a [[f32; 2]]>; 2],
+    colors: Option<Colors>,
     /// Coordinates of the normal map.
     normal_uvs: Option<&'a [[f32; 2]]>,
+    /// What the normal map's texture does to them; `None` is the identity.
+    transform: Option<UvTransform>,
     tangents: Tangents,
 }
 
@@ -132,8 +180,10 @@ impl Corners for CornerView<'_> {
     }
 
     fn uv(&self, corner: usize) -> [f32; 2] {
-        self.normal_uvs
-            .map_or([0.0; 2], |uvs| uvs[self.source(corner)])
+        let uv = self
+            .normal_uvs
+            .map_or([0.0; 2], |uvs| uvs[self.source(corner)]);
+        self.transform.map_or(uv, |transform| transform.apply(uv))
     }
 }
 
@@ -171,6 +221,11 @@ impl CornerView<'_> {
         if self.normal_uvs.is_none() {
             stats.missing_normal_uvs = 1;
             let why = "the normal map's texture coordinates are absent";
+            return (self.stand_ins(stats), Some(why));
+        }
+        let far = |corner: usize| !self.uv(corner).iter().all(|value| value.is_finite());
+        if self.transform.is_some() && (0..self.count()).any(far) {
+            let why = "the normal map's texture transform leaves the range of 32-bit floats";
             return (self.stand_ins(stats), Some(why));
         }
         let Some(generated) = tangents::generate(self) else {
@@ -218,22 +273,67 @@ impl CornerView<'_> {
     }
 
     /// Vertices that differ, in order of first appearance, and the corners' indices.
-    fn weld(&self) -> (Vec<Vertex>, Vec<u32>) {
-        let mut welder = Welder::new();
-        let mut add = |corner: usize| -> u32 {
-            welder.add(bytemuck::cast::<Vertex, [u32; 14]>(self.vertex(corner)))
+    fn weld(&self) -> Welded {
+        let Some(colors) = &self.colors else {
+            let key = |corner| bytemuck::cast::<Vertex, [u32; 14]>(self.vertex(corner));
+            let (values, indices) = self.numbers(key);
+            return Welded {
+                vertices: bytemuck::cast_vec(values),
+                colors: Vec::new(),
+                indices,
+            };
         };
+        let (values, indices) = self.numbers(|corner| -> [u32; 16] {
+            let VertexColor {
+                red_green,
+                blue_alpha,
+            } = colors.stored[self.source(corner)];
+            let mut key = [0; 16];
+            key[..14].copy_from_slice(&bytemuck::cast::<Vertex, [u32; 14]>(self.vertex(corner)));
+            (key[14], key[15]) = (red_green, blue_alpha);
+            key
+        });
+        Welded {
+            vertices: values
+                .iter()
+                .map(|value| bytemuck::pod_read_unaligned(bytemuck::cast_slice(&value[..14])))
+                .collect(),
+            colors: values
+                .iter()
+                .map(|value| VertexColor {
+                    red_green: value[14],
+                    blue_alpha: value[15],
+                })
+                .collect(),
+            indices,
+        }
+    }
+
+    /// The distinct keys of the corners in order of first appearance, and the number of each corner's.
+    fn numbers<const N: usize>(
+        &self,
+        key: impl Fn(usize) -> [u32; N],
+    ) -> (Vec<[u32; N]>, Vec<u32>) {
+        const NONE: u32 = u32::MAX;
+        let sources = self.primitive.positions.len();
+        let mut welder = Welder::with_capacity(sources.min(self.count()));
+        // Corners of one source vertex are mostly one vertex, which then need not be looked up.
+        let mut recent = vec![NONE; sources];
         let per_source = self.flat.is_none() && !matches!(self.tangents, Tangents::Generated(_));
-        let indices = if per_source {
-            let mut numbers = vec![None; self.primitive.positions.len()];
-            let corners = 0..self.count();
-            corners
-                .map(|corner| *numbers[self.source(corner)].get_or_insert_with(|| add(corner)))
-                .collect()
-        } else {
-            (0..self.count()).map(add).collect()
-        };
-        (bytemuck::cast_vec(welder.into_values()), indices)
+        let indices = (0..self.count())
+            .map(|corner| {
+                let recent = &mut recent[self.source(corner)];
+                if per_source && *recent != NONE {
+                    return *recent;
+                }
+                let key = key(corner);
+                if *recent == NONE || *welder.value(*recent) != key {
+                    *recent = welder.add(key);
+                }
+                *recent
+            })
+            .collect();
+        (welder.into_values(), indices)
     }
 }
 

@@ -6,13 +6,24 @@ use crate::scene::{Material, TextureRef};
 
 fn base_colored(uv_set: u32) -> Material {
     Material {
-        base_color_texture: Some(TextureRef { texture: 0, uv_set }),
+        base_color_texture: Some(TextureRef::new(0, uv_set)),
         ..Material::default()
     }
 }
 
 fn built(primitive: &Primitive, material: &Material) -> Built {
-    build(primitive, &MaterialUse::of(Some(material)))
+    let uses = MaterialUse::of(Some(material));
+    build(primitive.clone(), &uses, Policy::default())
+}
+
+/// The same, with the triangles in the order of the source.
+fn in_order(primitive: &Primitive, material: &Material) -> Built {
+    let policy = Policy {
+        keep: true,
+        ..Policy::default()
+    };
+    let uses = MaterialUse::of(Some(material));
+    build(primitive.clone(), &uses, policy)
 }
 
 /// The vertex that each corner draws.
@@ -47,11 +58,8 @@ fn attributes_are_copied_bit_for_bit() {
     source.positions[4] = [1e7, -1e7, 0.1];
     source.normals.as_mut().expect("grid has normals")[7] = [0.0, -3.5, 0.0];
     let mut material = base_colored(0);
-    material.occlusion_texture = Some(TextureRef {
-        texture: 0,
-        uv_set: 1,
-    });
-    let built = built(&source, &material);
+    material.occlusion_texture = Some(TextureRef::new(0, 1));
+    let built = in_order(&source, &material);
     assert_welded(&built);
     for (vertex, index) in soup(&built).iter().zip(&source.indices) {
         let index = *index as usize;
@@ -152,7 +160,7 @@ fn authored_tangents_are_kept() {
     let mut tangents: Vec<_> = source.positions.iter().map(|_| tangent()).collect();
     tangents[0] = [0.0; 4];
     source.tangents = Some(tangents.clone());
-    let mapped = built(&source, &normal_mapped(0));
+    let mapped = in_order(&source, &normal_mapped(0));
     assert_welded(&mapped);
     assert_eq!(mapped.stats.tangent_fallbacks, 1);
     assert_eq!(
@@ -170,7 +178,7 @@ fn authored_tangents_are_kept() {
             assert_eq!(vertex.tangent[3], 1.0);
         }
     }
-    let plain = built(&source, &base_colored(0));
+    let plain = in_order(&source, &base_colored(0));
     assert!(
         plain
             .vertices
@@ -237,6 +245,162 @@ fn tangents_follow_the_coordinates_of_the_normal_map() {
 }
 
 #[test]
+fn tangents_follow_the_transformed_coordinates() {
+    let source = grid(4);
+    let transformed = |scale: [f32; 2], rotation: f32| {
+        let transform = UvTransform::new([0.5, -3.0], rotation, scale);
+        let mut material = normal_mapped(0);
+        material.normal_texture = Some(TextureRef {
+            transform,
+            ..TextureRef::new(0, 0)
+        });
+        let found = in_order(&source, &material);
+        let mut baked = source.clone();
+        for uv in baked.uv0.as_mut().expect("grid has uv0") {
+            *uv = transform.apply(*uv);
+        }
+        let expected = in_order(&baked, &normal_mapped(0));
+        let corners = || soup(&found).into_iter().zip(soup(&expected));
+        for (found, expected) in corners() {
+            assert_eq!(
+                found.tangent.map(f32::to_bits),
+                expected.tangent.map(f32::to_bits)
+            );
+        }
+        for (vertex, index) in soup(&found).iter().zip(&source.indices) {
+            let raw = source.uv0.as_ref().map(|uvs| uvs[*index as usize]);
+            assert_eq!(Some(vertex.uv0), raw, "stored as they are");
+        }
+        found.vertices
+    };
+    let plain = transformed([3.0, 3.0], 0.0);
+    assert!(
+        plain
+            .iter()
+            .all(|vertex| vertex.tangent[3] == 1.0 && vertex.tangent[0] > 0.5)
+    );
+    let mirrored = transformed([-1.0, 1.0], 0.0);
+    assert!(
+        mirrored
+            .iter()
+            .all(|vertex| vertex.tangent[3] == -1.0 && vertex.tangent[0] < -0.5)
+    );
+    let turned = transformed([1.0, 1.0], std::f32::consts::FRAC_PI_2);
+    assert!(turned.iter().all(|vertex| vertex.tangent[1].abs() > 0.9));
+}
+
+#[test]
+fn transforms_leave_authored_tangents_alone() {
+    let mut source = grid(2);
+    source.tangents = Some(vec![[0.0, 1.0, 0.0, 1.0]; source.positions.len()]);
+    let mut material = normal_mapped(0);
+    let texture = material.normal_texture.as_mut().expect("mapped");
+    texture.transform = UvTransform::new([0.0; 2], 0.0, [-1.0, 1.0]);
+    let vertices = built(&source, &material).vertices;
+    assert!(
+        vertices
+            .iter()
+            .all(|vertex| vertex.tangent == [0.0, 1.0, 0.0, 1.0])
+    );
+}
+
+#[test]
+fn transforms_beyond_f32_give_stand_ins() {
+    let mut material = normal_mapped(0);
+    let texture = material.normal_texture.as_mut().expect("mapped");
+    texture.transform = UvTransform::new([f32::MAX; 2], 0.0, [f32::MAX; 2]);
+    let built = built(&grid(2), &material);
+    assert!(built.warning.is_some_and(|why| why.contains("transform")));
+    assert_eq!(built.stats.generated_tangents, 0);
+}
+
+#[test]
+fn colors_split_and_follow_their_vertices() {
+    let mut source = grid(6);
+    source.normals = None;
+    let plain = built(&source, &Material::default());
+    assert!(plain.colors.is_empty());
+    let shade = |index: usize| [index as f32 / 255.0, 0.5, 1.0, 1.0];
+    source.colors = Some((0..source.positions.len()).map(shade).collect());
+    let colored = built(&source, &Material::default());
+    assert_eq!(colored.colors.len(), colored.vertices.len());
+    assert!(colored.stats.color_error > 0.0 && colored.stats.color_error < 1e-5);
+    for (vertex, color) in colored.vertices.iter().zip(&colored.colors) {
+        let index = source
+            .positions
+            .iter()
+            .position(|found| *found == vertex.position);
+        let red = index.map(|index| (index * 257) as u32);
+        assert_eq!(Some(color.red_green & 0xFFFF), red);
+        assert_eq!(color.blue_alpha, u32::MAX);
+    }
+    // Two vertices that differ in colour alone.
+    source.indices = vec![0, 1, 2, 3, 1, 2];
+    source.normals = Some(vec![[0.0, 0.0, 1.0]; source.positions.len()]);
+    source.positions[3] = source.positions[0];
+    assert_eq!(built(&source, &Material::default()).vertices.len(), 4);
+    source.colors = None;
+    assert_eq!(built(&source, &Material::default()).vertices.len(), 3);
+}
+
+#[test]
+fn welding_and_ordering_keep_the_triangles() {
+    let mut random = Random(31);
+    for round in 0..20 {
+        let mut source = grid(7);
+        for index in &mut source.indices {
+            if random.bits().is_multiple_of(9) {
+                *index = (random.bits() % 64) as u32;
+            }
+        }
+        let shade = |_| [random.signed().abs() as f32, 0.0, 0.0, 1.0];
+        if round % 2 == 0 {
+            source.colors = Some((0..64).map(shade).collect());
+        }
+        if round % 3 == 0 {
+            source.normals = None;
+        }
+        let material = normal_mapped(round % 2);
+        let (kept, moved) = (in_order(&source, &material), built(&source, &material));
+        assert_welded(&moved);
+        assert_eq!(kept.traced, moved.traced);
+        assert_eq!(
+            kept.indices.len() - kept.traced,
+            3 * kept.stats.degenerate_triangles as usize
+        );
+        assert_eq!(
+            rotated(&kept, 0..kept.traced),
+            rotated(&moved, 0..kept.traced)
+        );
+        let behind = kept.traced..kept.indices.len();
+        assert_eq!(rotated(&kept, behind.clone()), rotated(&moved, behind));
+    }
+}
+
+/// Triangles whose corners are turned so that the least comes first, sorted.
+fn rotated(built: &Built, indices: std::ops::Range<usize>) -> Vec<[Vec<u32>; 3]> {
+    let corner = |index: u32| {
+        let mut key = bits(&built.vertices[index as usize]).to_vec();
+        if let Some(color) = built.colors.get(index as usize) {
+            key.extend([color.red_green, color.blue_alpha]);
+        }
+        key
+    };
+    let turned = |triangle: &[u32]| {
+        let [a, b, c] = [0, 1, 2].map(|place| corner(triangle[place]));
+        let turns = [
+            [a.clone(), b.clone(), c.clone()],
+            [b.clone(), c.clone(), a.clone()],
+            [c, a, b],
+        ];
+        turns.into_iter().min().unwrap_or_default()
+    };
+    let mut triangles: Vec<_> = built.indices[indices].chunks_exact(3).map(turned).collect();
+    triangles.sort();
+    triangles
+}
+
+#[test]
 fn degenerate_triangles_are_counted_and_kept() {
     let mut source = grid(2);
     let count = source.indices.len() as u64 / 3;
@@ -249,6 +413,7 @@ fn degenerate_triangles_are_counted_and_kept() {
             (count + 3, 2)
         );
         assert_eq!(built.indices.len(), source.indices.len());
+        assert_eq!(built.traced as u64, (count + 1) * 3);
         for vertex in &built.vertices {
             assert!(
                 bytemuck::cast::<Vertex, [f32; 14]>(*vertex)
@@ -268,7 +433,7 @@ fn a_single_point_is_a_primitive() {
     };
     let built = built(&source, &normal_mapped(0));
     assert_eq!((built.vertices.len(), built.indices), (1, vec![0; 9]));
-    assert_eq!(built.stats.degenerate_triangles, 3);
+    assert_eq!((built.stats.degenerate_triangles, built.traced), (3, 0));
     assert_eq!(built.bounds.min, built.bounds.max);
     assert_eq!(built.vertices[0].normal, normals::FALLBACK);
 }

@@ -31,6 +31,7 @@ pub(super) fn grid(cells: u32) -> Primitive {
         tangents: None,
         uv1: Some(uvs.iter().map(|[u, v]| [u * 2.0, v * 3.0]).collect()),
         uv0: Some(uvs),
+        colors: None,
         indices,
         material: None,
     }
@@ -60,7 +61,7 @@ pub(super) fn one_mesh(primitive: Primitive) -> Scene {
 /// A material with a normal map that samples with `uv_set`.
 pub(super) fn normal_mapped(uv_set: u32) -> Material {
     Material {
-        normal_texture: Some(TextureRef { texture: 0, uv_set }),
+        normal_texture: Some(TextureRef::new(0, uv_set)),
         ..Material::default()
     }
 }

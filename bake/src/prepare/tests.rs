@@ -11,7 +11,7 @@ use super::*;
 use crate::scene::{Light, LightKind, Material, Mesh, Primitive};
 
 fn prepared(scene: &Scene) -> Prepared {
-    prepare(scene, &|_| ()).expect("the scene is valid")
+    prepare(&mut scene.clone(), &|_| ()).expect("the scene is valid")
 }
 
 /// A scene of many meshes with all that geometry can have.
@@ -90,6 +90,13 @@ fn assert_package(prepared: &Prepared) {
         SectionKind::InstanceBounds,
         bytemuck::cast_slice::<f32, u8>(&bounds),
     );
+    let clusters = to_arrays(&prepared.cluster_bounds);
+    writer.bytes(
+        SectionKind::ClusterBounds,
+        bytemuck::cast_slice::<f32, u8>(&clusters),
+    );
+    writer.records(SectionKind::VertexColors, &prepared.colors);
+    writer.records(SectionKind::EmissiveTriangles, &prepared.emissive_triangles);
     writer.records(SectionKind::DrawGroups, &prepared.draw_groups);
     writer.records(SectionKind::MeshInstances, &prepared.mesh_instances);
     writer.records(SectionKind::DirectionalLights, &prepared.directional_lights);
@@ -108,7 +115,26 @@ fn the_format_accepts_a_busy_scene() {
         features::MIRRORED | features::NORMAL_MAPS | features::UV1 | features::DIRECTIONAL_LIGHTS;
     assert_eq!(prepared.features, expected);
     assert_eq!(prepared.materials_used, [Some(1), None, Some(2), Some(0)]);
-    assert_eq!(prepared.report.len(), 2);
+    let items: Vec<&str> = prepared
+        .report
+        .iter()
+        .map(|row| row.item.as_str())
+        .collect();
+    let [cache, overdraw] = ["vertex cache", "overdraw"];
+    let expected = [
+        "tangents",
+        cache,
+        cache,
+        cache,
+        cache,
+        overdraw,
+        overdraw,
+        "instance bounds",
+    ];
+    assert_eq!(items, expected);
+    assert!(prepared.primitives.iter().all(|primitive| primitive.opaque));
+    assert!(prepared.colors.is_empty() && prepared.emissive_triangles.is_empty());
+    assert!(prepared.cluster_bounds.is_empty());
     assert!(
         prepared.stats.tangent_tilt < 1e-5,
         "{}",
@@ -119,9 +145,53 @@ fn the_format_accepts_a_busy_scene() {
     }
 }
 
+/// The busy scene with colours, lamps and enough nodes for clusters.
+fn busier() -> Scene {
+    let mut scene = busy();
+    scene.instances.extend(scene.instances.clone());
+    let sheet = &mut scene.meshes[2].primitives[0];
+    sheet.colors = Some(vec![[0.5, 0.25, 1.0, 1.0]; sheet.positions.len()]);
+    scene.materials[2].emissive = Vec3::X;
+    scene.materials[1].alpha_mode = crate::scene::AlphaMode::Blend;
+    scene
+}
+
+#[test]
+fn what_a_scene_has_is_stored() {
+    let prepared = prepared(&busier());
+    assert_package(&prepared);
+    assert!(prepared.features & features::VERTEX_COLORS != 0);
+    assert_eq!(prepared.colors.len(), prepared.vertices.len());
+    let white = |color: &&gpu::VertexColor| **color == colors::WHITE;
+    let tinted = prepared.colors.iter().filter(|color| !white(color)).count();
+    assert_eq!(tinted, 16, "one sheet of three by three cells");
+    assert!(
+        prepared
+            .report
+            .iter()
+            .any(|row| row.item == "vertex colors")
+    );
+    assert_eq!(prepared.instances.len(), 200);
+    assert_eq!(prepared.cluster_bounds, clusters(&prepared.instance_bounds));
+    assert!(!prepared.emissive_triangles.is_empty());
+    for primitive in &prepared.primitives {
+        let material = prepared.materials_used[primitive.material as usize];
+        assert_eq!(primitive.opaque, material != Some(1));
+    }
+    let names: Vec<&str> = prepared.steps.iter().map(|step| step.name).collect();
+    assert_eq!(names.len(), 9, "{names:?}");
+}
+
+#[test]
+fn the_scene_gives_its_primitives_away() {
+    let mut scene = busy();
+    prepare(&mut scene, &|_| ()).expect("valid");
+    assert!(scene.meshes.iter().all(|mesh| mesh.primitives.is_empty()));
+}
+
 #[test]
 fn threads_change_nothing() {
-    let scene = busy();
+    let scene = busier();
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.expect("a pool starts").install(|| prepared(&scene))
@@ -131,6 +201,8 @@ fn threads_change_nothing() {
         let mut bytes = bytemuck::cast_slice::<_, u8>(&prepared.vertices).to_vec();
         bytes.extend_from_slice(bytemuck::cast_slice(&prepared.indices));
         bytes.extend_from_slice(bytemuck::cast_slice(&prepared.instances));
+        bytes.extend_from_slice(bytemuck::cast_slice(&prepared.colors));
+        bytes.extend_from_slice(bytemuck::cast_slice(&prepared.emissive_triangles));
         bytes.extend_from_slice(bytemuck::cast_slice(&prepared.draw_groups));
         bytes.extend_from_slice(bytemuck::cast_slice(&to_arrays(&prepared.instance_bounds)));
         bytes
@@ -203,7 +275,10 @@ fn all_degenerate_primitives_pass() {
 #[test]
 fn progress_ends_in_one() {
     let seen = Mutex::new(Vec::new());
-    prepare(&busy(), &|done| seen.lock().expect("no panic").push(done)).expect("valid");
+    prepare(&mut busy(), &|done| {
+        seen.lock().expect("no panic").push(done)
+    })
+    .expect("valid");
     let seen = seen.into_inner().expect("no panic");
     assert_eq!(seen.last(), Some(&1.0));
     assert_eq!(seen.len(), 14 + 1);

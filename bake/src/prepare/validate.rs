@@ -44,6 +44,7 @@ fn primitive(primitive: &Primitive, materials: usize) -> Option<String> {
         .or_else(|| attribute("TANGENT", primitive.tangents.as_ref(), count))
         .or_else(|| attribute("TEXCOORD_0", primitive.uv0.as_ref(), count))
         .or_else(|| attribute("TEXCOORD_1", primitive.uv1.as_ref(), count))
+        .or_else(|| attribute("COLOR_0", primitive.colors.as_ref(), count))
         .or_else(|| indices(&primitive.indices, count))
         .or_else(|| {
             let bad = primitive
@@ -85,7 +86,9 @@ mod tests {
 
     #[test]
     fn broken_primitives_are_refused() {
-        let breakers: [fn(&mut Primitive); 7] = [
+        let breakers: [fn(&mut Primitive); 9] = [
+            |p| p.colors = Some(vec![[1.0; 4]; 2]),
+            |p| p.colors = Some(vec![[f32::NAN; 4]; p.positions.len()]),
             |p| p.positions[1][2] = f32::NAN,
             |p| p.uv0.as_mut().expect("grid has uv0")[0][0] = f32::INFINITY,
             |p| p.normals.as_mut().expect("grid has normals").truncate(1),

@@ -91,9 +91,11 @@ fn scene() -> Scene {
         primitives: vec![Primitive {
             first_index: 0,
             index_count: 3,
+            traced_index_count: 3,
             first_vertex: 0,
             vertex_count: 3,
             material: 0,
+            opaque: true,
             bounds: UNIT,
         }],
         materials: vec![MaterialInfo {

@@ -40,6 +40,9 @@ fn ranges_of_the_root_are_checked() {
     refused("indices 0+2", |scene, _| {
         scene.primitives[0].index_count = 2
     });
+    refused("6 traced indices", |scene, _| {
+        scene.primitives[0].traced_index_count = 6
+    });
     refused("vertices 1+3", |scene, _| {
         scene.primitives[0].first_vertex = 1
     });

@@ -22,7 +22,8 @@ pub(super) const PUSH_CONSTANT_STAGES: vk::ShaderStageFlags = vk::ShaderStageFla
 /// The sets of every pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SetIndex {
-    /// b0 global uniform, b1 lights, b2 materials, b3 instances.
+    /// b0 global uniform, b1 lights, b2 materials, b3 instances; where the package has them, b9 texture transforms,
+    /// b10 vertex colours.
     Frame = 0,
     /// b0 2D textures, b1 cubes.
     Bindless = 1,
@@ -52,23 +53,46 @@ pub struct DescriptorSet {
     index: SetIndex,
 }
 
-type Bindings = [(vk::DescriptorType, u32); 4];
-const UNUSED: (vk::DescriptorType, u32) = (vk::DescriptorType::SAMPLER, 0);
+/// One binding of a set layout.
+#[derive(Clone, Copy)]
+struct Binding {
+    number: u32,
+    ty: vk::DescriptorType,
+    /// Array length.
+    length: u32,
+    /// Whether elements may stay empty, because no shader reads what a package does not have.
+    partial: bool,
+}
 
-/// Type and array length of each binding; length 0 is no binding.
-fn bindings(index: SetIndex, bindless: [u32; 2]) -> Bindings {
-    let uniform = vk::DescriptorType::UNIFORM_BUFFER;
+/// Bindings of set 0 that hold a storage buffer where the package has the section.
+const OPTIONAL_BUFFERS: [u32; 2] = [9, 10];
+
+/// The bindings of a set, in ascending order.
+fn bindings(index: SetIndex, bindless: [u32; 2]) -> Vec<Binding> {
+    let binding = |number, ty, length, partial| Binding {
+        number,
+        ty,
+        length,
+        partial,
+    };
     let storage = vk::DescriptorType::STORAGE_BUFFER;
     let texture = vk::DescriptorType::COMBINED_IMAGE_SAMPLER;
     match index {
-        SetIndex::Frame => [(uniform, 1), (storage, 1), (storage, 1), (storage, 1)],
-        SetIndex::Bindless => [
-            (texture, bindless[0]),
-            (texture, bindless[1]),
-            UNUSED,
-            UNUSED,
-        ],
-        SetIndex::Targets => [(texture, 1), UNUSED, UNUSED, UNUSED],
+        SetIndex::Frame => {
+            let uniform = binding(0, vk::DescriptorType::UNIFORM_BUFFER, 1, false);
+            let always = (1..=3).map(|number| binding(number, storage, 1, false));
+            let optional = OPTIONAL_BUFFERS.map(|number| binding(number, storage, 1, true));
+            [uniform]
+                .into_iter()
+                .chain(always)
+                .chain(optional)
+                .collect()
+        }
+        SetIndex::Bindless => (0..)
+            .zip(bindless)
+            .map(|(number, length)| binding(number, texture, length, true))
+            .collect(),
+        SetIndex::Targets => vec![binding(0, texture, 1, false)],
     }
 }
 
@@ -112,20 +136,16 @@ impl Layouts {
     /// Makes a set; its bindings are empty.
     pub fn allocate(&self, index: SetIndex, name: &str) -> GpuResult<DescriptorSet> {
         let shared = &self.0.shared;
-        let mut sizes = [vk::DescriptorPoolSize::default(); 4];
-        let mut count = 0;
-        for (ty, length) in bindings(index, self.0.bindless) {
-            if length > 0 {
-                sizes[count] = vk::DescriptorPoolSize {
-                    ty,
-                    descriptor_count: length,
-                };
-                count += 1;
-            }
-        }
+        let sizes: Vec<vk::DescriptorPoolSize> = bindings(index, self.0.bindless)
+            .iter()
+            .map(|binding| vk::DescriptorPoolSize {
+                ty: binding.ty,
+                descriptor_count: binding.length,
+            })
+            .collect();
         let info = vk::DescriptorPoolCreateInfo::default()
             .max_sets(1)
-            .pool_sizes(&sizes[..count]);
+            .pool_sizes(&sizes);
         // SAFETY: the device is alive.
         let pool = unsafe { shared.device.create_descriptor_pool(&info, None) }
             .map_err(GpuError::of("vkCreateDescriptorPool"))?;
@@ -170,7 +190,7 @@ impl DescriptorSet {
     /// # Errors
     /// `Limit` where it is larger than a shader may see.
     pub fn write_buffer(&mut self, binding: u32, buffer: &Buffer) -> GpuResult<()> {
-        let (ty, _) = self.binding(binding);
+        let ty = self.binding(binding).ty;
         let limits = &self.shared.limits;
         let limit = match ty {
             vk::DescriptorType::UNIFORM_BUFFER => limits.max_uniform_buffer_range,
@@ -203,7 +223,7 @@ impl DescriptorSet {
         image: ImageRef<'_>,
         sampler: &Sampler,
     ) {
-        let (_, length) = self.binding(binding);
+        let length = self.binding(binding).length;
         assert!(element < length, "element {element} of {length}");
         let infos = [vk::DescriptorImageInfo {
             sampler: sampler.raw,
@@ -215,8 +235,12 @@ impl DescriptorSet {
         unsafe { self.shared.device.update_descriptor_sets(&[write], &[]) };
     }
 
-    fn binding(&self, binding: u32) -> (vk::DescriptorType, u32) {
-        bindings(self.index, self.layouts.0.bindless)[binding as usize]
+    /// # Panics
+    /// Where the set has no such binding.
+    fn binding(&self, number: u32) -> Binding {
+        let bindings = bindings(self.index, self.layouts.0.bindless);
+        let found = bindings.iter().find(|binding| binding.number == number);
+        *found.unwrap_or_else(|| panic!("{:?} has no binding {number}", self.index))
     }
 
     fn write(&self, binding: u32, element: u32) -> vk::WriteDescriptorSet<'static> {
@@ -224,7 +248,7 @@ impl DescriptorSet {
             .dst_set(self.raw)
             .dst_binding(binding)
             .dst_array_element(element)
-            .descriptor_type(self.binding(binding).0)
+            .descriptor_type(self.binding(binding).ty)
             .descriptor_count(1)
     }
 }
@@ -236,26 +260,36 @@ impl Drop for DescriptorSet {
 }
 
 fn check_limits(shared: &Shared, bindless: [u32; 2]) -> GpuResult<()> {
-    // The other sets: four buffers and the render target.
-    let needed = u64::from(bindless[0]) + u64::from(bindless[1]) + 5;
     let limits = &shared.limits;
-    let limit = [
+    let fixed = |index| bindings(index, bindless).len() as u64;
+    let buffers = fixed(SetIndex::Frame);
+    let needed =
+        u64::from(bindless[0]) + u64::from(bindless[1]) + buffers + fixed(SetIndex::Targets);
+    let textures = [
         limits.max_per_stage_descriptor_sampled_images,
         limits.max_per_stage_descriptor_samplers,
         limits.max_descriptor_set_sampled_images,
         limits.max_descriptor_set_samplers,
         limits.max_per_stage_resources,
     ];
-    let limit = u64::from(limit.into_iter().min().unwrap_or(0));
-    if needed > limit {
-        return Err(GpuError::Limit {
-            what: "the number of textures and buffers".into(),
+    let storage = [
+        limits.max_per_stage_descriptor_storage_buffers,
+        limits.max_descriptor_set_storage_buffers,
+    ];
+    let check = |what: &str, needed: u64, limits: &[u32]| {
+        let limit = u64::from(limits.iter().copied().min().unwrap_or(0));
+        if needed <= limit {
+            return Ok(());
+        }
+        Err(GpuError::Limit {
+            what: what.into(),
             needed,
             limit,
             device: shared.name.clone(),
-        });
-    }
-    Ok(())
+        })
+    };
+    check("the number of storage buffers", buffers - 1, &storage)?;
+    check("the number of textures and buffers", needed, &textures)
 }
 
 fn create_set_layout(
@@ -263,28 +297,23 @@ fn create_set_layout(
     index: SetIndex,
     bindless: [u32; 2],
 ) -> GpuResult<vk::DescriptorSetLayout> {
-    let mut infos = [vk::DescriptorSetLayoutBinding::default(); 4];
-    let mut count = 0;
-    for (binding, (ty, length)) in (0..).zip(bindings(index, bindless)) {
-        if length > 0 {
-            infos[count] = vk::DescriptorSetLayoutBinding::default()
-                .binding(binding)
-                .descriptor_type(ty)
-                .descriptor_count(length)
-                .stage_flags(PUSH_CONSTANT_STAGES);
-            count += 1;
-        }
-    }
-    // A package without textures or environment leaves array elements empty; no shader reads those.
-    let partially = match index {
-        SetIndex::Bindless => vk::DescriptorBindingFlags::PARTIALLY_BOUND,
-        _ => vk::DescriptorBindingFlags::empty(),
+    let info = |binding: &Binding| {
+        vk::DescriptorSetLayoutBinding::default()
+            .binding(binding.number)
+            .descriptor_type(binding.ty)
+            .descriptor_count(binding.length)
+            .stage_flags(PUSH_CONSTANT_STAGES)
     };
-    let flags = [partially; 4];
-    let mut flags =
-        vk::DescriptorSetLayoutBindingFlagsCreateInfo::default().binding_flags(&flags[..count]);
+    let flag = |binding: &Binding| match binding.partial {
+        true => vk::DescriptorBindingFlags::PARTIALLY_BOUND,
+        false => vk::DescriptorBindingFlags::empty(),
+    };
+    let bindings = bindings(index, bindless);
+    let infos: Vec<_> = bindings.iter().map(info).collect();
+    let flags: Vec<_> = bindings.iter().map(flag).collect();
+    let mut flags = vk::DescriptorSetLayoutBindingFlagsCreateInfo::default().binding_flags(&flags);
     let info = vk::DescriptorSetLayoutCreateInfo::default()
-        .bindings(&infos[..count])
+        .bindings(&infos)
         .push_next(&mut flags);
     // SAFETY: the device is alive and has partially bound descriptors enabled.
     unsafe { shared.device.create_descriptor_set_layout(&info, None) }

@@ -70,15 +70,16 @@ fn pipeline(
     } else {
         "forward opaque"
     };
+    let constants = variant.constants(alpha);
     let desc = GraphicsPipelineDesc {
         name,
         vertex: Shader {
             spirv: cairn_shaders::FORWARD_VERT.spirv,
-            constants: &[],
+            constants: &constants,
         },
         fragment: Some(Shader {
             spirv: cairn_shaders::FORWARD_FRAG.spirv,
-            constants: &variant.constants(alpha),
+            constants: &constants,
         }),
         input: VertexInput::Scene,
         colors: &[hdr_target(Blend::None)],

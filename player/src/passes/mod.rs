@@ -32,6 +32,10 @@ pub struct Variant {
     pub lights: bool,
     /// Single or multiple scattering.
     pub brdf: Brdf,
+    /// Vertices have colours.
+    pub vertex_colors: bool,
+    /// Textures have transforms.
+    pub texture_transforms: bool,
 }
 
 /// How a fragment's alpha is used.
@@ -43,8 +47,8 @@ enum Alpha {
 }
 
 impl Variant {
-    /// Specialisation constants of `forward.frag`: see `options.glsl`.
-    fn constants(&self, alpha: Alpha) -> [(u32, u32); 6] {
+    /// Specialisation constants of `forward.vert` and `forward.frag`: see `options.glsl`.
+    fn constants(&self, alpha: Alpha) -> [(u32, u32); 8] {
         let values = [
             alpha == Alpha::Cut,
             alpha == Alpha::Blended,
@@ -52,6 +56,8 @@ impl Variant {
             self.brdf_lut,
             self.lights,
             self.brdf == Brdf::Energy,
+            self.vertex_colors,
+            self.texture_transforms,
         ];
         std::array::from_fn(|id| (id as u32, u32::from(values[id])))
     }

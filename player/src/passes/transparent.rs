@@ -15,15 +15,16 @@ pub struct Transparent {
 impl Transparent {
     /// Depth is tested and not written; colour is `src * a + dst * (1 - a)`, glTF's "over".
     pub fn new(gpu: &Gpu, layouts: &Layouts, variant: &Variant) -> GpuResult<Self> {
+        let constants = variant.constants(Alpha::Blended);
         let desc = GraphicsPipelineDesc {
             name: "transparent",
             vertex: Shader {
                 spirv: cairn_shaders::FORWARD_VERT.spirv,
-                constants: &[],
+                constants: &constants,
             },
             fragment: Some(Shader {
                 spirv: cairn_shaders::FORWARD_FRAG.spirv,
-                constants: &variant.constants(Alpha::Blended),
+                constants: &constants,
             }),
             input: VertexInput::Scene,
             colors: &[hdr_target(Blend::Alpha)],

@@ -1,6 +1,6 @@
 //! Uploads of small packages on a real device, under validation.
 
-use cairn_format::gpu::{DirectionalLight, Instance, Material};
+use cairn_format::gpu::{DirectionalLight, Instance, Material, TextureTransform, VertexColor};
 use cairn_format::scene::{
     Bounds, Environment, Image, ImageRole, Level, MaterialInfo, MipFilter, Primitive, Sampler,
     Scene, Texture, Wrap,
@@ -19,6 +19,8 @@ struct Parts {
     materials: Vec<Material>,
     lights: Vec<DirectionalLight>,
     texels: Vec<u8>,
+    transforms: Vec<TextureTransform>,
+    colors: Vec<VertexColor>,
 }
 
 impl Parts {
@@ -31,6 +33,8 @@ impl Parts {
             materials: Vec::new(),
             lights: Vec::new(),
             texels: Vec::new(),
+            transforms: Vec::new(),
+            colors: Vec::new(),
         }
     }
 
@@ -45,11 +49,24 @@ impl Parts {
         parts.scene.primitives = vec![Primitive {
             first_index: 0,
             index_count: 3,
+            traced_index_count: 3,
+            opaque: true,
             first_vertex: 0,
             vertex_count: 3,
             material: 0,
             bounds: Bounds::ZERO,
         }];
+        parts
+    }
+
+    /// A triangle with a colour per vertex and one transformed texture.
+    fn with_optional_sections() -> Self {
+        let mut parts = Self::triangle();
+        let image = parts.image(TextureFormat::Rgba8Unorm, 4, 1);
+        parts.scene.textures = vec![Texture { image, sampler: 0 }];
+        parts.scene.samplers = vec![sampler(MipFilter::Linear)];
+        parts.transforms = vec![<TextureTransform as bytemuck::Zeroable>::zeroed()];
+        parts.colors = vec![<VertexColor as bytemuck::Zeroable>::zeroed(); 3];
         parts
     }
 
@@ -102,7 +119,9 @@ impl Parts {
             )
             .records(SectionKind::Materials, &self.materials)
             .records(SectionKind::DirectionalLights, &self.lights)
-            .bytes(SectionKind::Texels, self.texels.as_slice());
+            .bytes(SectionKind::Texels, self.texels.as_slice())
+            .records(SectionKind::TextureTransforms, &self.transforms)
+            .records(SectionKind::VertexColors, &self.colors);
         let bytes = writer.to_vec(&self.scene, "test").expect("written");
         Package::from_bytes(&bytes).expect("opens")
     }
@@ -185,6 +204,33 @@ fn every_part_of_a_package_gets_its_slot() {
     close_clean(gpu);
 }
 
+#[test]
+fn optional_sections_become_buffers_where_they_are_drawn() {
+    let Some(gpu) = gpu() else { return };
+    let mut parts = Parts::with_optional_sections();
+    let scene = GpuScene::upload(&gpu, &parts.package()).expect("uploads");
+    let sizes = [&scene.vertex_colors, &scene.texture_transforms];
+    assert_eq!(
+        sizes.map(|buffer| buffer.as_ref().map(Buffer::size)),
+        [Some(24), Some(32)]
+    );
+    let stats = &scene.stats;
+    assert_eq!(
+        (stats.vertex_color_bytes, stats.texture_transform_bytes),
+        (24, 32)
+    );
+    parts.indices.clear();
+    parts.scene.primitives.clear();
+    let scene = GpuScene::upload(&gpu, &parts.package()).expect("uploads");
+    assert!(scene.vertices.is_none() && scene.vertex_colors.is_none());
+    drop(scene);
+    let scene = GpuScene::upload(&gpu, &Parts::triangle().package()).expect("uploads");
+    assert!(scene.vertex_colors.is_none() && scene.texture_transforms.is_none());
+    drop(scene);
+    gpu.wait_idle().expect("idle");
+    close_clean(gpu);
+}
+
 fn refused(parts: &Parts, part: SectionKind) {
     let Some(gpu) = gpu() else { return };
     match GpuScene::upload(&gpu, &parts.package()).err() {
@@ -224,6 +270,13 @@ fn a_light_that_is_not_finite_is_refused() {
     parts.lights = vec![fallback_light(), fallback_light()];
     parts.lights[1].color_and_shadow[0] = f32::INFINITY;
     refused(&parts, SectionKind::DirectionalLights);
+}
+
+#[test]
+fn a_texture_transform_that_is_not_finite_is_refused() {
+    let mut parts = Parts::with_optional_sections();
+    parts.transforms[0].offset[1] = f32::NAN;
+    refused(&parts, SectionKind::TextureTransforms);
 }
 
 #[test]

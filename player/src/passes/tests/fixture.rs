@@ -3,13 +3,13 @@
 use bytemuck::Zeroable;
 use cairn_format::gpu::{
     DRAW_DOUBLE_SIDED, DRAW_MIRRORED, DirectionalLight, DrawGroup, Instance, MATERIAL_DOUBLE_SIDED,
-    MATERIAL_UNLIT, Material,
+    MATERIAL_UNLIT, Material, TextureTransform, VertexColor,
 };
 use cairn_format::scene::{
     Bounds, Environment, Image, ImageRole, Level, MaterialInfo, Mesh, MipFilter, Primitive,
     Sampler, Scene, Texture, Wrap,
 };
-use cairn_format::{Aabb, Package, SectionKind, TextureFormat, Vertex, Writer, bounds};
+use cairn_format::{Aabb, Package, SectionKind, TextureFormat, Vertex, Writer, bounds, features};
 use glam::{Mat3, Mat4, Vec3};
 
 use super::twin;
@@ -21,16 +21,29 @@ pub const LUT_SIZE: u32 = 32;
 #[derive(Clone)]
 pub struct Object {
     pub vertices: Vec<Vertex>,
+    /// One per vertex, linear RGBA of 0..=1; or empty, which is white where another object has colours.
+    pub colors: Vec<[f32; 4]>,
     pub indices: Vec<u32>,
     pub material: u32,
     pub models: Vec<Mat4>,
 }
 
-/// A one-row texture without mips.
+/// A texture without mips.
 #[derive(Clone)]
-pub struct Row {
+pub struct Picture {
     pub format: TextureFormat,
+    pub width: u32,
+    /// Rows from the top.
     pub texels: Vec<[u8; 4]>,
+}
+
+/// A texture of one row.
+pub fn row(format: TextureFormat, texels: Vec<[u8; 4]>) -> Picture {
+    Picture {
+        format,
+        width: texels.len() as u32,
+        texels,
+    }
 }
 
 /// What a package is built from.
@@ -38,13 +51,23 @@ pub struct Row {
 pub struct Fixture {
     pub objects: Vec<Object>,
     pub materials: Vec<Material>,
-    pub textures: Vec<Row>,
+    pub textures: Vec<Picture>,
+    /// One per texture, or none.
+    pub transforms: Vec<TextureTransform>,
     pub lights: Vec<DirectionalLight>,
     /// Radiance of each face; all cubes hold it.
     pub environment: Option<[[f32; 3]; 6]>,
     /// Radiance of each level of a prefiltered cube of its own, largest level first.
     pub prefiltered: Vec<[f32; 3]>,
     pub lut: bool,
+}
+
+/// The object with one colour at all vertices.
+pub fn colored(object: Object, color: [f32; 4]) -> Object {
+    Object {
+        colors: vec![color; object.vertices.len()],
+        ..object
+    }
 }
 
 /// A square of half-extent 1 in the XY plane, facing +Z. First texture coordinates are 0.25, second 0.75.
@@ -63,6 +86,7 @@ pub fn quad(material: u32, models: Vec<Mat4>) -> Object {
             corner(1.0, 1.0),
             corner(-1.0, 1.0),
         ],
+        colors: Vec::new(),
         indices: vec![0, 1, 2, 0, 2, 3],
         material,
         models,
@@ -75,6 +99,7 @@ pub fn sphere(material: u32, models: Vec<Mat4>) -> Object {
     const ROWS: u32 = 16;
     let mut object = Object {
         vertices: Vec::new(),
+        colors: Vec::new(),
         indices: Vec::new(),
         material,
         models,
@@ -131,6 +156,14 @@ impl Fixture {
         self.add_objects(&mut scene, &mut arenas);
         self.add_images(&mut scene, &mut arenas.texels);
         let arrays = bounds::to_arrays(&arenas.bounds);
+        let colored = self.objects.iter().any(|object| !object.colors.is_empty());
+        if colored {
+            scene.features |= features::VERTEX_COLORS;
+            arenas.colors = self.objects.iter().flat_map(colors).collect();
+        }
+        if !self.transforms.is_empty() {
+            scene.features |= features::TEXTURE_TRANSFORMS;
+        }
         let mut writer = Writer::new();
         writer.records(SectionKind::Vertices, &arenas.vertices);
         writer.bytes(SectionKind::Indices, bytemuck::cast_slice(&arenas.indices));
@@ -140,6 +173,8 @@ impl Fixture {
         writer.records(SectionKind::Materials, &self.materials);
         writer.records(SectionKind::DirectionalLights, &self.lights);
         writer.bytes(SectionKind::Texels, arenas.texels.as_slice());
+        writer.records(SectionKind::TextureTransforms, &self.transforms);
+        writer.records(SectionKind::VertexColors, &arenas.colors);
         let bytes = writer.to_vec(&scene, "test").expect("fixture is written");
         let package = Package::from_bytes(&bytes).expect("fixture opens");
         package.verify().expect("fixture is sound");
@@ -161,6 +196,8 @@ impl Fixture {
             scene.primitives.push(Primitive {
                 first_index: arenas.indices.len() as u32,
                 index_count: object.indices.len() as u32,
+                traced_index_count: object.indices.len() as u32,
+                opaque: true,
                 first_vertex: arenas.vertices.len() as u32,
                 vertex_count: object.vertices.len() as u32,
                 material: object.material,
@@ -188,10 +225,14 @@ impl Fixture {
     }
 
     fn add_images(&self, scene: &mut Scene, texels: &mut Vec<u8>) {
-        for row in &self.textures {
-            let bytes: Vec<u8> = row.texels.as_flattened().to_vec();
-            let width = row.texels.len() as u32;
-            let image = add_image(scene, texels, row.format, [width, 1, 1], &bytes);
+        for picture in &self.textures {
+            let bytes: Vec<u8> = picture.texels.as_flattened().to_vec();
+            let extent = [
+                picture.width,
+                picture.texels.len() as u32 / picture.width,
+                1,
+            ];
+            let image = add_image(scene, texels, picture.format, extent, &bytes);
             scene.textures.push(Texture { image, sampler: 0 });
         }
         if !self.textures.is_empty() {
@@ -239,6 +280,7 @@ impl Fixture {
 #[derive(Default)]
 struct Arenas {
     vertices: Vec<Vertex>,
+    colors: Vec<VertexColor>,
     indices: Vec<u32>,
     instances: Vec<Instance>,
     bounds: Vec<Aabb>,
@@ -284,6 +326,20 @@ impl Arenas {
             });
         }
     }
+}
+
+/// The record of each vertex of an object.
+fn colors(object: &Object) -> Vec<VertexColor> {
+    let half = |value: f32| (value * 65535.0).round() as u32;
+    let record = |[r, g, b, a]: [f32; 4]| VertexColor {
+        red_green: half(r) | half(g) << 16,
+        blue_alpha: half(b) | half(a) << 16,
+    };
+    if object.colors.is_empty() {
+        return vec![record([1.0; 4]); object.vertices.len()];
+    }
+    assert_eq!(object.colors.len(), object.vertices.len());
+    object.colors.iter().copied().map(record).collect()
 }
 
 fn instance(model: &Mat4, material: u32) -> Instance {

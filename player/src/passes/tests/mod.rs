@@ -7,7 +7,10 @@ mod output;
 mod renderer;
 mod sky;
 mod surfaces;
+mod texture_transforms;
 mod twin;
+mod variants;
+mod vertex_colors;
 
 use glam::Vec3;
 

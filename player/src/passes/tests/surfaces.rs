@@ -6,7 +6,7 @@ use cairn_format::gpu::{
 };
 use glam::{Mat3, Mat4, Quat, Vec3};
 
-use super::fixture::{Fixture, Row, light, quad, sphere, unlit};
+use super::fixture::{Fixture, light, quad, row, sphere, unlit};
 use super::{assert_near, device, middle, plain, shoot, towards_origin};
 use crate::gpu::Gpu;
 use crate::settings::Settings;
@@ -131,10 +131,7 @@ fn normal_square(model: Mat4, handedness: f32, scale: f32) -> Fixture {
             normal_scale: scale,
             ..white(MATERIAL_DOUBLE_SIDED)
         }],
-        textures: vec![Row {
-            format: TextureFormat::Rgba8Unorm,
-            texels: vec![mapped_normal().0],
-        }],
+        textures: vec![row(TextureFormat::Rgba8Unorm, vec![mapped_normal().0])],
         ..Fixture::default()
     }
 }
@@ -271,10 +268,10 @@ fn textures_decode_srgb_and_choose_coordinates() {
                 base_color_tex: reference,
                 ..unlit([1.0; 4])
             }],
-            textures: vec![Row {
-                format: TextureFormat::Rgba8Srgb,
-                texels: vec![[188, 0, 0, 255], [0, 51, 255, 255]],
-            }],
+            textures: vec![row(
+                TextureFormat::Rgba8Srgb,
+                vec![[188, 0, 0, 255], [0, 51, 255, 255]],
+            )],
             ..Fixture::default()
         };
         assert_near(seen(&gpu, &fixture, FRONT, plain()), expected, 1e-3);
@@ -291,10 +288,7 @@ fn occlusion_darkens_indirect_light_only() {
             occlusion_strength: strength,
             ..white(0)
         }],
-        textures: vec![Row {
-            format: TextureFormat::Rgba8Unorm,
-            texels: vec![[51, 255, 255, 255]],
-        }],
+        textures: vec![row(TextureFormat::Rgba8Unorm, vec![[51, 255, 255, 255]])],
         lights: vec![light(Vec3::NEG_Z, [1.0; 3], intensity)],
         environment: Some([[1.0; 3]; 6]),
         lut: true,

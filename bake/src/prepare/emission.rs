@@ -1,0 +1,146 @@
+//! The triangles that emit light, in world space.
+
+use cairn_format::Vertex;
+use cairn_format::gpu::EmissiveTriangle;
+use glam::{DMat4, DVec3, Mat4};
+use rayon::prelude::*;
+
+use crate::diagnostic::Diagnostic;
+use crate::scene::{Scene, TextureRef};
+
+use super::geometry::Stored;
+use super::instances::Placed;
+use super::materials::{self, MaterialUse};
+use super::matrix::cross;
+use super::origin;
+
+/// Longest list: 400 MB. A longer one is left out, and said so.
+const MAX_TRIANGLES: u64 = 1 << 22;
+
+/// A primitive of a node that emits.
+struct Emitter<'a> {
+    model: DMat4,
+    vertices: &'a [Vertex],
+    indices: &'a [u32],
+    material: u32,
+    emission: [f32; 3],
+    texture: Option<TextureRef>,
+}
+
+/// The emissive triangles with an area, in the order of mesh instances, primitives and stored triangles.
+/// Both sides of a triangle are listed as one. A list that would be too long is empty, with a warning.
+pub(super) fn triangles(
+    scene: &Scene,
+    geometry: &Stored,
+    placed: &Placed,
+) -> (Vec<EmissiveTriangle>, Option<Diagnostic>) {
+    let emitters = emitters(scene, geometry, placed);
+    let count = emitters
+        .iter()
+        .map(|emitter| emitter.indices.len() as u64 / 3)
+        .fold(0u64, u64::saturating_add);
+    if count > MAX_TRIANGLES {
+        return (Vec::new(), Some(too_many(scene, count)));
+    }
+    let lists: Vec<Vec<EmissiveTriangle>> = emitters.par_iter().map(Emitter::triangles).collect();
+    (lists.concat(), None)
+}
+
+fn too_many(scene: &Scene, count: u64) -> Diagnostic {
+    let message = format!(
+        "{count} triangles emit light, and {MAX_TRIANGLES} can be sampled: none is listed, and paths find them \
+         by chance alone; simplify the emissive meshes"
+    );
+    Diagnostic::warning("emissive-triangles", &origin(scene), message)
+}
+
+fn emitters<'a>(scene: &Scene, geometry: &'a Stored, placed: &Placed) -> Vec<Emitter<'a>> {
+    let mut emitters = Vec::new();
+    for node in &placed.mesh_instances {
+        let mesh = &geometry.meshes[node.mesh as usize];
+        let first = mesh.first_primitive as usize;
+        for primitive in &geometry.primitives[first..first + mesh.primitive_count as usize] {
+            let source = geometry.materials[primitive.material as usize];
+            let Some(material) = materials::get(scene, source) else {
+                continue;
+            };
+            let uses = MaterialUse::of(Some(material));
+            if !uses.emits {
+                continue;
+            }
+            let (vertex, index) = (
+                primitive.first_vertex as usize,
+                primitive.first_index as usize,
+            );
+            emitters.push(Emitter {
+                model: model(&node.transform),
+                vertices: &geometry.vertices[vertex..vertex + primitive.vertex_count as usize],
+                indices: &geometry.indices[index..index + primitive.traced_index_count as usize],
+                material: primitive.material,
+                emission: material.emissive.to_array(),
+                texture: uses.emissive,
+            });
+        }
+    }
+    emitters
+}
+
+fn model(&[x, y, z]: &[[f32; 4]; 3]) -> DMat4 {
+    Mat4::from_cols_array_2d(&[x, y, z, [0.0, 0.0, 0.0, 1.0]])
+        .transpose()
+        .as_dmat4()
+}
+
+impl Emitter<'_> {
+    fn triangles(&self) -> Vec<EmissiveTriangle> {
+        let triangles = self.indices.chunks_exact(3);
+        triangles
+            .filter_map(|triangle| self.triangle([triangle[0], triangle[1], triangle[2]]))
+            .collect()
+    }
+
+    /// `None` where the transform leaves no area that f32 can express.
+    fn triangle(&self, corners: [u32; 3]) -> Option<EmissiveTriangle> {
+        let vertices = corners.map(|index| &self.vertices[index as usize]);
+        let [a, b, c] = vertices.map(|vertex| {
+            let position = DVec3::from(vertex.position.map(f64::from));
+            self.model.transform_point3(position)
+        });
+        let area = (cross(b - a, c - a).length() * 0.5) as f32;
+        if area == 0.0 {
+            return None;
+        }
+        let [v0, v1, v2] = [a, b, c].map(|corner| corner.as_vec3().to_array());
+        let [uv0, uv1, uv2] = vertices.map(|vertex| self.uv(vertex));
+        Some(EmissiveTriangle {
+            v0,
+            pad_12: 0,
+            v1,
+            pad_28: 0,
+            v2,
+            pad_44: 0,
+            emission: self.emission,
+            area: area.min(f32::MAX),
+            material_index: self.material,
+            pad_68: 0,
+            uv0,
+            uv1,
+            uv2,
+        })
+    }
+
+    /// Coordinates of the emissive texture, transformed; zero without one.
+    fn uv(&self, vertex: &Vertex) -> [f32; 2] {
+        self.texture.map_or([0.0; 2], |texture| {
+            let uv = match texture.uv_set {
+                0 => vertex.uv0,
+                _ => vertex.uv1,
+            };
+            texture.transform.apply(uv)
+        })
+    }
+}
+
+#[cfg(test)]
+#[path = "emission_tests.rs"]
+mod tests;
