@@ -185,7 +185,12 @@ fn report(name: &str, mut mesh: Mesh, with_reference: bool) {
             format!("{equal:.2} | {angle:.4}")
         });
         let speed = millions / seconds;
-        println!("| {name} | {who} | {seconds:.3} | {speed:.2} | {exactness} |");
+        let speed = if seconds > 0.0 {
+            format!("{speed:.2}")
+        } else {
+            "below resolution".to_owned()
+        };
+        println!("| {name} | {who} | {seconds:.3} | {speed} | {exactness} |");
     };
     let reference = with_reference.then(|| time(1, || mesh.reference()));
     let against = |tangents: &[[f32; 4]]| {
