@@ -42,7 +42,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
 
     progress.update("import", 0.0);
     let mut scene = import(&options.input)?;
-    let environment = options
+    let mut environment = options
         .environment
         .as_deref()
         .map(load_environment)
@@ -75,7 +75,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     drop(encoded);
     clock.lap("textures");
 
-    let light = store_environment(&mut texels, environment.as_ref(), &prepared, progress);
+    let light = store_environment(&mut texels, environment.as_mut(), &prepared, progress);
     clock.lap("environment");
 
     progress.update("write", 0.0);
@@ -162,7 +162,7 @@ type StoredLight = (Option<root::Environment>, Option<u32>);
 
 fn store_environment(
     texels: &mut Texels,
-    image: Option<&EnvironmentImage>,
+    image: Option<&mut EnvironmentImage>,
     prepared: &Prepared,
     progress: &dyn Progress,
 ) -> StoredLight {

@@ -14,15 +14,15 @@ use crate::textures::{ImageInfo, Texels};
 /// Edge length of the BRDF table.
 const LUT_SIZE: u32 = DEFAULT_LUT_SIZE;
 
-/// Bakes the cubes of a panorama.
+/// Bakes the cubes of a panorama, whose texels are taken out of `image`.
 pub fn bake(
-    image: &EnvironmentImage,
+    image: &mut EnvironmentImage,
     progress: &(dyn Fn(&str, f32) + Sync),
 ) -> EnvironmentProducts {
     let equirect = Equirect {
         width: image.width,
         height: image.height,
-        texels: image.texels.clone(),
+        texels: std::mem::take(&mut image.texels),
     };
     bake_environment(&equirect, &EnvironmentOptions::default(), progress)
 }

@@ -1,10 +1,10 @@
 //! Opaque surfaces, then those cut by alpha, with depth.
 
-use super::{Alpha, Variant, cover, depth_state, front_face, hdr_target, issue};
+use super::{Alpha, Variant, cover, front_face, issue, surface_pipeline};
 use crate::draw::Draw;
 use crate::gpu::{
-    Blend, ColorAttachment, Commands, DepthAttachment, Gpu, GpuResult, GraphicsPipeline,
-    GraphicsPipelineDesc, ImageRef, Layouts, Load, Shader, VertexInput, vk,
+    ColorAttachment, Commands, DepthAttachment, Gpu, GpuResult, GraphicsPipeline, ImageRef,
+    Layouts, Load, vk,
 };
 
 /// Behind everything where no sky is drawn.
@@ -23,9 +23,9 @@ impl Forward {
     pub fn new(gpu: &Gpu, layouts: &Layouts, variant: &Variant) -> GpuResult<Self> {
         let masked = variant
             .masked
-            .then(|| pipeline(gpu, layouts, variant, Alpha::Cut));
+            .then(|| surface_pipeline(gpu, layouts, variant, Alpha::Cut));
         Ok(Self {
-            opaque: pipeline(gpu, layouts, variant, Alpha::Ignored)?,
+            opaque: surface_pipeline(gpu, layouts, variant, Alpha::Ignored)?,
             masked: masked.transpose()?,
         })
     }
@@ -57,35 +57,6 @@ impl Forward {
         }
         commands.end_rendering();
     }
-}
-
-fn pipeline(
-    gpu: &Gpu,
-    layouts: &Layouts,
-    variant: &Variant,
-    alpha: Alpha,
-) -> GpuResult<GraphicsPipeline> {
-    let name = if alpha == Alpha::Cut {
-        "forward masked"
-    } else {
-        "forward opaque"
-    };
-    let constants = variant.constants(alpha);
-    let desc = GraphicsPipelineDesc {
-        name,
-        vertex: Shader {
-            spirv: cairn_shaders::FORWARD_VERT.spirv,
-            constants: &constants,
-        },
-        fragment: Some(Shader {
-            spirv: cairn_shaders::FORWARD_FRAG.spirv,
-            constants: &constants,
-        }),
-        input: VertexInput::Scene,
-        colors: &[hdr_target(Blend::None)],
-        depth: Some(depth_state(vk::CompareOp::GREATER, true)),
-    };
-    GraphicsPipeline::new(gpu, layouts, &desc)
 }
 
 /// Draws in the package's order, changing state only where it differs from the draw before.

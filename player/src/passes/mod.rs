@@ -9,7 +9,10 @@ pub mod transparent;
 mod tests;
 
 use crate::draw::Draw;
-use crate::gpu::{Blend, ColorTarget, Commands, DepthState, vk};
+use crate::gpu::{
+    Blend, ColorTarget, Commands, DepthState, Gpu, GpuResult, GraphicsPipeline,
+    GraphicsPipelineDesc, Layouts, Shader, VertexInput, vk,
+};
 use crate::settings::Brdf;
 
 /// Linear radiance before exposure.
@@ -61,6 +64,35 @@ impl Variant {
         ];
         std::array::from_fn(|id| (id as u32, u32::from(values[id])))
     }
+}
+
+/// A pipeline of the scene's surfaces: depth is always tested, and written where nothing blends; blended colour is
+/// `src * a + dst * (1 - a)`, glTF's "over".
+fn surface_pipeline(
+    gpu: &Gpu,
+    layouts: &Layouts,
+    variant: &Variant,
+    alpha: Alpha,
+) -> GpuResult<GraphicsPipeline> {
+    let (name, blend, writes_depth) = match alpha {
+        Alpha::Ignored => ("forward opaque", Blend::None, true),
+        Alpha::Cut => ("forward masked", Blend::None, true),
+        Alpha::Blended => ("transparent", Blend::Alpha, false),
+    };
+    let constants = variant.constants(alpha);
+    let shader = |spirv| Shader {
+        spirv,
+        constants: &constants,
+    };
+    let desc = GraphicsPipelineDesc {
+        name,
+        vertex: shader(cairn_shaders::FORWARD_VERT.spirv),
+        fragment: Some(shader(cairn_shaders::FORWARD_FRAG.spirv)),
+        input: VertexInput::Scene,
+        colors: &[hdr_target(blend)],
+        depth: Some(depth_state(vk::CompareOp::GREATER, writes_depth)),
+    };
+    GraphicsPipeline::new(gpu, layouts, &desc)
 }
 
 fn hdr_target(blend: Blend) -> ColorTarget {

@@ -1,10 +1,10 @@
 //! Blended surfaces over everything else, back to front.
 
-use super::{Alpha, Variant, cover, depth_state, front_face, hdr_target, issue};
+use super::{Alpha, Variant, cover, front_face, issue, surface_pipeline};
 use crate::draw::Draw;
 use crate::gpu::{
-    Blend, ColorAttachment, Commands, DepthAttachment, Gpu, GpuResult, GraphicsPipeline,
-    GraphicsPipelineDesc, ImageRef, Layouts, Load, Shader, VertexInput, vk,
+    ColorAttachment, Commands, DepthAttachment, Gpu, GpuResult, GraphicsPipeline, ImageRef,
+    Layouts, Load, vk,
 };
 
 /// The pass's pipeline.
@@ -13,25 +13,10 @@ pub struct Transparent {
 }
 
 impl Transparent {
-    /// Depth is tested and not written; colour is `src * a + dst * (1 - a)`, glTF's "over".
+    /// Builds the pipeline.
     pub fn new(gpu: &Gpu, layouts: &Layouts, variant: &Variant) -> GpuResult<Self> {
-        let constants = variant.constants(Alpha::Blended);
-        let desc = GraphicsPipelineDesc {
-            name: "transparent",
-            vertex: Shader {
-                spirv: cairn_shaders::FORWARD_VERT.spirv,
-                constants: &constants,
-            },
-            fragment: Some(Shader {
-                spirv: cairn_shaders::FORWARD_FRAG.spirv,
-                constants: &constants,
-            }),
-            input: VertexInput::Scene,
-            colors: &[hdr_target(Blend::Alpha)],
-            depth: Some(depth_state(vk::CompareOp::GREATER, false)),
-        };
         Ok(Self {
-            pipeline: GraphicsPipeline::new(gpu, layouts, &desc)?,
+            pipeline: surface_pipeline(gpu, layouts, variant, Alpha::Blended)?,
         })
     }
 
