@@ -80,6 +80,7 @@ impl Args {
             ibl_yaw: self.ibl_yaw.to_radians(),
             skybox: !self.no_skybox,
             debug_view: self.debug_view,
+            ..Settings::default()
         }
     }
 

@@ -55,7 +55,7 @@ impl Tonemap {
         commands.bind_graphics(&self.pipeline);
         fullscreen(commands, extent, false);
         let curve: u32 = match curve {
-            Curve::Aces => 0,
+            Curve::Aces | Curve::Agx | Curve::Neutral => 0,
             Curve::Linear => 1,
         };
         commands.push_constants(layouts, &curve);
