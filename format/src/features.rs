@@ -28,8 +28,11 @@ pub const TEXTURE_TRANSFORMS: u32 = 1 << 11;
 /// The vertex colour section is present.
 pub const VERTEX_COLORS: u32 = 1 << 12;
 
+/// The environment's sun was taken out of its cubes.
+pub const SUN: u32 = 1 << 13;
+
 /// Name of every bit, lowest first.
-pub const NAMES: [(u32, &str); 13] = [
+pub const NAMES: [(u32, &str); 14] = [
     (MASK, "mask"),
     (BLEND, "blend"),
     (DOUBLE_SIDED, "double-sided"),
@@ -43,6 +46,7 @@ pub const NAMES: [(u32, &str); 13] = [
     (UNLIT, "unlit"),
     (TEXTURE_TRANSFORMS, "texture-transforms"),
     (VERTEX_COLORS, "vertex-colors"),
+    (SUN, "sun"),
 ];
 
 /// Bits that have a meaning.

@@ -21,6 +21,7 @@ pub struct Content {
     pub mesh_instances: Vec<MeshInstance>,
     pub materials: Vec<Material>,
     pub texels: Vec<u8>,
+    pub env_alias: Vec<u8>,
 }
 
 const UNIT: Bounds = Bounds {
@@ -74,6 +75,7 @@ pub fn tiny() -> (Scene, Content) {
             .chain([0; 8])
             .chain([128; 4])
             .collect(),
+        env_alias: Vec::new(),
     };
     (scene(), content)
 }
@@ -142,7 +144,8 @@ pub fn package(scene: &Scene, content: &Content) -> Vec<u8> {
         .records(SectionKind::DrawGroups, &content.draw_groups)
         .records(SectionKind::MeshInstances, &content.mesh_instances)
         .records(SectionKind::Materials, &content.materials)
-        .bytes(SectionKind::Texels, content.texels.as_slice());
+        .bytes(SectionKind::Texels, content.texels.as_slice())
+        .bytes(SectionKind::EnvAlias, content.env_alias.as_slice());
     writer.to_vec(scene, "0.1.0").expect("writing to memory")
 }
 
