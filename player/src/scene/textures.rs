@@ -155,6 +155,7 @@ fn upload_image(
             levels: image.levels.len() as u32,
             layers,
             cube: layers == 6,
+            samples: 1,
             usage: vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST,
         },
     )?;
@@ -210,6 +211,7 @@ fn sampler_desc(sampler: &ArchivedSampler) -> SamplerDesc {
         anisotropy: sampler.min_linear
             && sampler.mag_linear
             && sampler.mip == ArchivedMipFilter::Linear,
+        compare: None,
     }
 }
 
