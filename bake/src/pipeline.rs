@@ -206,6 +206,8 @@ fn sections<'a>(
         .records(SectionKind::EmissiveTriangles, &prepared.emissive_triangles)
         .records(SectionKind::TextureTransforms, &plan.transforms)
         .records(SectionKind::VertexColors, &prepared.colors)
+        .records(SectionKind::PunctualLights, &prepared.punctual_lights)
+        .records(SectionKind::MaterialExtensions, &plan.extensions)
         .bytes(SectionKind::Texels, texels.bytes.as_slice());
     writer
 }

@@ -23,7 +23,7 @@ pub(super) const PUSH_CONSTANT_STAGES: vk::ShaderStageFlags = vk::ShaderStageFla
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SetIndex {
     /// b0 global uniform, b1 lights, b2 materials, b3 instances; where the package has them, b9 texture transforms,
-    /// b10 vertex colours.
+    /// b10 vertex colours, b11 point and spot lights, b12 material extensions.
     Frame = 0,
     /// b0 2D textures, b1 cubes.
     Bindless = 1,
@@ -65,7 +65,7 @@ struct Binding {
 }
 
 /// Bindings of set 0 that hold a storage buffer where the package has the section.
-const OPTIONAL_BUFFERS: [u32; 2] = [9, 10];
+const OPTIONAL_BUFFERS: [u32; 4] = [9, 10, 11, 12];
 
 /// The bindings of a set, in ascending order.
 fn bindings(index: SetIndex, bindless: [u32; 2]) -> Vec<Binding> {
