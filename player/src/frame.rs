@@ -11,7 +11,7 @@ use crate::gpu::{
     Buffer, BufferDesc, Commands, DescriptorSet, FRAMES_IN_FLIGHT, FrameTarget, Gpu, GpuResult,
     Layouts, Memory, Sampler, SamplerDesc, SetIndex, vk,
 };
-use crate::graph::{Graph, Handle, Usage};
+use crate::graph::{Graph, Handle, Stage, Target, Usage};
 use crate::passes::forward::Forward;
 use crate::passes::skybox::Skybox;
 use crate::passes::tonemap::Tonemap;
@@ -72,8 +72,8 @@ impl Renderer {
             | vk::ImageUsageFlags::SAMPLED
             | vk::ImageUsageFlags::TRANSFER_SRC;
         let depth_usage = vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT;
-        let hdr = graph.image(gpu, "hdr", HDR_FORMAT, color_usage)?;
-        let depth = graph.image(gpu, "depth", DEPTH_FORMAT, depth_usage)?;
+        let hdr = graph.image(gpu, Target::new("hdr", HDR_FORMAT, color_usage))?;
+        let depth = graph.image(gpu, Target::new("depth", DEPTH_FORMAT, depth_usage))?;
         let target = graph.imported("target");
         let nearest = Sampler::new(gpu, "nearest clamp", &SamplerDesc::NEAREST_CLAMP)?;
         let capacity = visible_capacity(package)?;
@@ -128,6 +128,7 @@ impl Renderer {
 
         let (passes, draws) = (&self.passes, &self.draws);
         let (hdr, depth, output) = (self.hdr, self.depth, self.target);
+        self.graph.advance();
         let mut frame = self.graph.begin(commands, Some((output, target)));
 
         let uses = [(hdr, Usage::ColorClear), (depth, Usage::DepthClear)];
@@ -147,7 +148,10 @@ impl Renderer {
                 transparent.record(commands, images.get(hdr), images.get(depth), &draws.blend);
             });
         }
-        let uses = [(hdr, Usage::Sampled), (output, Usage::ColorClear)];
+        let uses = [
+            (hdr, Usage::Sampled(Stage::Fragment)),
+            (output, Usage::ColorClear),
+        ];
         frame.pass(c"tonemap", &uses, |commands, images| {
             let (layouts, output) = (&scene.layouts, images.get(output));
             passes

@@ -264,6 +264,15 @@ impl Commands {
         unsafe { self.shared.device.cmd_set_front_face(self.raw, face) };
     }
 
+    /// Sets the bias of pipelines that have one: constant in units of the format, clamp, and per slope.
+    pub fn set_depth_bias(&mut self, constant: f32, clamp: f32, slope: f32) {
+        // SAFETY: the command buffer is recording; `depthBiasClamp` is enabled.
+        unsafe {
+            let device = &self.shared.device;
+            device.cmd_set_depth_bias(self.raw, constant, clamp, slope);
+        }
+    }
+
     /// Binds a graphics pipeline.
     pub fn bind_graphics(&mut self, pipeline: &GraphicsPipeline) {
         self.bind(vk::PipelineBindPoint::GRAPHICS, pipeline.raw());

@@ -1,4 +1,5 @@
-//! Descriptor set layouts 0 (frame), 1 (bindless textures) and 2 (render targets), and the sets made from them.
+//! Descriptor set layouts 0 (frame), 1 (bindless textures), 2 (render targets) and 3 (one pass's own), and the sets
+//! made from them.
 
 use std::sync::Arc;
 
@@ -10,6 +11,8 @@ use super::error::{GpuError, GpuResult};
 use super::image::{ImageRef, Sampler};
 use super::queue::Garbage;
 
+/// Sets of a pipeline layout.
+pub(super) const SET_COUNT: usize = 4;
 /// Bytes of push constants: what every Vulkan device has.
 pub(super) const PUSH_CONSTANT_BYTES: u32 = 128;
 /// Stages that see them.
@@ -22,22 +25,31 @@ pub(super) const PUSH_CONSTANT_STAGES: vk::ShaderStageFlags = vk::ShaderStageFla
 /// The sets of every pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SetIndex {
-    /// b0 global uniform, b1 lights, b2 materials, b3 instances; where the package has them, b9 texture transforms,
-    /// b10 vertex colours, b11 point and spot lights, b12 material extensions.
+    /// b0 global uniform, b1 directional lights, b2 materials, b3 instances; where the package has them, b5 geometry
+    /// table, b6 environment table, b7 emissive triangles, b8 their table, b9 texture transforms, b10 vertex colours,
+    /// b11 punctual lights, b12 material extensions.
     Frame = 0,
     /// b0 2D textures, b1 cubes.
     Bindless = 1,
-    /// b0 HDR colour.
+    /// b0 HDR colour, b1 depth, b2 normal, b3 ambient occlusion, b4 contact mask, b5 shadow map with comparison, b6 the
+    /// same without.
     Targets = 2,
+    /// What one compute or ray-tracing pass reads and writes: b0..=b3 storage images, b4..=b7 sampled images,
+    /// b8..=b9 storage buffers.
+    Pass = 3,
 }
 
-/// The set layouts of one package, and the pipeline layout of all three.
+impl SetIndex {
+    const ALL: [Self; SET_COUNT] = [Self::Frame, Self::Bindless, Self::Targets, Self::Pass];
+}
+
+/// The set layouts of one package, and the pipeline layout of them all.
 #[derive(Clone)]
 pub struct Layouts(Arc<LayoutObjects>);
 
 struct LayoutObjects {
     shared: Arc<Shared>,
-    sets: [vk::DescriptorSetLayout; 3],
+    sets: [vk::DescriptorSetLayout; SET_COUNT],
     pipeline: vk::PipelineLayout,
     /// Lengths of the two arrays of set 1.
     bindless: [u32; 2],
@@ -65,7 +77,7 @@ struct Binding {
 }
 
 /// Bindings of set 0 that hold a storage buffer where the package has the section.
-const OPTIONAL_BUFFERS: [u32; 4] = [9, 10, 11, 12];
+const OPTIONAL_BUFFERS: [u32; 8] = [5, 6, 7, 8, 9, 10, 11, 12];
 
 /// The bindings of a set, in ascending order.
 fn bindings(index: SetIndex, bindless: [u32; 2]) -> Vec<Binding> {
@@ -92,7 +104,16 @@ fn bindings(index: SetIndex, bindless: [u32; 2]) -> Vec<Binding> {
             .zip(bindless)
             .map(|(number, length)| binding(number, texture, length, true))
             .collect(),
-        SetIndex::Targets => vec![binding(0, texture, 1, false)],
+        SetIndex::Targets => (0..=6)
+            .map(|number| binding(number, texture, 1, true))
+            .collect(),
+        SetIndex::Pass => {
+            let image = vk::DescriptorType::STORAGE_IMAGE;
+            let images = (0..=3).map(|number| binding(number, image, 1, true));
+            let textures = (4..=7).map(|number| binding(number, texture, 1, true));
+            let buffers = (8..=9).map(|number| binding(number, storage, 1, true));
+            images.chain(textures).chain(buffers).collect()
+        }
     }
 }
 
@@ -108,11 +129,11 @@ impl Layouts {
         // Built in place, so that an error half way drops what exists.
         let mut objects = LayoutObjects {
             shared: shared.clone(),
-            sets: [vk::DescriptorSetLayout::null(); 3],
+            sets: [vk::DescriptorSetLayout::null(); SET_COUNT],
             pipeline: vk::PipelineLayout::null(),
             bindless,
         };
-        for index in [SetIndex::Frame, SetIndex::Bindless, SetIndex::Targets] {
+        for index in SetIndex::ALL {
             objects.sets[index as usize] = create_set_layout(shared, index, bindless)?;
         }
         let ranges = [vk::PushConstantRange {
@@ -235,6 +256,18 @@ impl DescriptorSet {
         unsafe { self.shared.device.update_descriptor_sets(&[write], &[]) };
     }
 
+    /// Binds an image in `GENERAL` that shaders load from and store to.
+    pub fn write_storage_image(&mut self, binding: u32, image: ImageRef<'_>) {
+        let infos = [vk::DescriptorImageInfo {
+            sampler: vk::Sampler::null(),
+            image_view: image.view,
+            image_layout: vk::ImageLayout::GENERAL,
+        }];
+        let write = self.write(binding, 0).image_info(&infos);
+        // SAFETY: `&mut self` and the caller's care keep the set out of use; the image is alive.
+        unsafe { self.shared.device.update_descriptor_sets(&[write], &[]) };
+    }
+
     /// # Panics
     /// Where the set has no such binding.
     fn binding(&self, number: u32) -> Binding {
@@ -263,8 +296,11 @@ fn check_limits(shared: &Shared, bindless: [u32; 2]) -> GpuResult<()> {
     let limits = &shared.limits;
     let fixed = |index| bindings(index, bindless).len() as u64;
     let buffers = fixed(SetIndex::Frame);
-    let needed =
-        u64::from(bindless[0]) + u64::from(bindless[1]) + buffers + fixed(SetIndex::Targets);
+    let needed = u64::from(bindless[0])
+        + u64::from(bindless[1])
+        + buffers
+        + fixed(SetIndex::Targets)
+        + fixed(SetIndex::Pass);
     let textures = [
         limits.max_per_stage_descriptor_sampled_images,
         limits.max_per_stage_descriptor_samplers,

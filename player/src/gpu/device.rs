@@ -315,6 +315,9 @@ fn create_device(
         .maintenance4(true);
     let v10 = vk::PhysicalDeviceFeatures::default()
         .texture_compression_bc(true)
+        .depth_clamp(true)
+        .depth_bias_clamp(true)
+        .shader_storage_image_extended_formats(true)
         .shader_sampled_image_array_dynamic_indexing(true)
         .sampler_anisotropy(candidate.anisotropy);
     let info = vk::DeviceCreateInfo::default()

@@ -29,15 +29,19 @@ pub struct ImageDesc<'a> {
     pub layers: u32,
     /// Whether the view is a cube.
     pub cube: bool,
+    /// Samples per texel: 1, 2, 4 or 8.
+    pub samples: u32,
     /// What the GPU does with it.
     pub usage: vk::ImageUsageFlags,
 }
 
-/// A 2D image, a 2D array or a cube with one view of the whole.
+/// A 2D image, a 2D array or a cube with one view of the whole; an array that can be attached also has a view of
+/// each layer.
 pub struct Image {
     shared: Arc<Shared>,
     raw: vk::Image,
     view: vk::ImageView,
+    layer_views: Vec<vk::ImageView>,
     /// Taken when dropped.
     allocation: Option<Allocation>,
     format: vk::Format,
@@ -119,16 +123,34 @@ impl Image {
         };
         shared.set_name(raw, desc.name);
         shared.set_name(view, desc.name);
-        Ok(Self {
+        let mut image = Self {
             shared: shared.clone(),
             raw,
             view,
+            layer_views: Vec::new(),
             allocation: Some(allocation),
             format: desc.format,
             extent: desc.extent,
             levels: desc.levels,
             layers: desc.layers,
-        })
+        };
+        if desc.layers > 1 && desc.usage.intersects(ATTACHMENT) {
+            for layer in 0..desc.layers {
+                let view = create_layer_view(shared, raw, desc, layer)?;
+                shared.set_name(view, desc.name);
+                image.layer_views.push(view);
+            }
+        }
+        Ok(image)
+    }
+
+    /// One layer of an array that can be attached.
+    ///
+    /// # Panics
+    /// Where the image has no such layer view.
+    pub fn layer(&self, layer: u32) -> ImageRef<'_> {
+        let view = self.layer_views[layer as usize];
+        ImageRef::new(self.raw, view, self.format, self.extent)
     }
 
     /// Borrows image and view.
@@ -159,12 +181,21 @@ impl Image {
 
 impl Drop for Image {
     fn drop(&mut self) {
+        for view in self.layer_views.drain(..) {
+            self.shared.discard(Garbage::View(view));
+        }
         if let Some(allocation) = self.allocation.take() {
             self.shared
                 .discard(Garbage::Image(self.raw, self.view, allocation));
         }
     }
 }
+
+/// Usages as attachment.
+const ATTACHMENT: vk::ImageUsageFlags = vk::ImageUsageFlags::from_raw(
+    vk::ImageUsageFlags::COLOR_ATTACHMENT.as_raw()
+        | vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT.as_raw(),
+);
 
 fn aspect(format: vk::Format) -> vk::ImageAspectFlags {
     match format {
@@ -200,7 +231,7 @@ fn image_info(desc: &ImageDesc<'_>) -> vk::ImageCreateInfo<'static> {
         })
         .mip_levels(desc.levels)
         .array_layers(desc.layers)
-        .samples(vk::SampleCountFlags::TYPE_1)
+        .samples(vk::SampleCountFlags::from_raw(desc.samples))
         .tiling(vk::ImageTiling::OPTIMAL)
         .usage(desc.usage)
         .sharing_mode(vk::SharingMode::EXCLUSIVE)
@@ -237,11 +268,21 @@ fn check_support(shared: &Shared, desc: &ImageDesc<'_>) -> GpuResult<()> {
             ));
         }
     };
+    // What both image and attachments can have; counts are powers of two.
+    let usable = match desc.samples {
+        1 => 1,
+        _ => attachment_samples(shared),
+    };
     let sizes = [
         ("width", desc.extent[0], allowed.max_extent.width),
         ("height", desc.extent[1], allowed.max_extent.height),
         ("level count", desc.levels, allowed.max_mip_levels),
         ("layer count", desc.layers, allowed.max_array_layers),
+        (
+            "sample count",
+            desc.samples,
+            highest_bit(allowed.sample_counts.as_raw() & usable),
+        ),
     ];
     match sizes.iter().find(|(_, needed, limit)| needed > limit) {
         Some((size, needed, limit)) => Err(GpuError::Limit {
@@ -252,6 +293,20 @@ fn check_support(shared: &Shared, desc: &ImageDesc<'_>) -> GpuResult<()> {
         }),
         None => Ok(()),
     }
+}
+
+/// Sample counts, as bits, that colour, depth and sampled multisample images all have.
+pub(super) fn attachment_samples(shared: &Shared) -> u32 {
+    let limits = &shared.limits;
+    let counts = limits.framebuffer_color_sample_counts
+        & limits.framebuffer_depth_sample_counts
+        & limits.sampled_image_color_sample_counts
+        & limits.sampled_image_depth_sample_counts;
+    counts.as_raw()
+}
+
+fn highest_bit(bits: u32) -> u32 {
+    1 << (31 - bits.max(1).leading_zeros())
 }
 
 fn bind(shared: &Shared, raw: vk::Image, desc: &ImageDesc<'_>) -> GpuResult<Allocation> {
@@ -297,6 +352,27 @@ fn create_view(shared: &Shared, raw: vk::Image, desc: &ImageDesc<'_>) -> GpuResu
         .map_err(GpuError::of("vkCreateImageView"))
 }
 
+fn create_layer_view(
+    shared: &Shared,
+    raw: vk::Image,
+    desc: &ImageDesc<'_>,
+    layer: u32,
+) -> GpuResult<vk::ImageView> {
+    let info = vk::ImageViewCreateInfo::default()
+        .image(raw)
+        .view_type(vk::ImageViewType::TYPE_2D)
+        .format(desc.format)
+        .subresource_range(vk::ImageSubresourceRange {
+            level_count: 1,
+            base_array_layer: layer,
+            layer_count: 1,
+            ..whole(desc.format)
+        });
+    // SAFETY: the image has memory bound and has this layer.
+    unsafe { shared.device.create_image_view(&info, None) }
+        .map_err(GpuError::of("vkCreateImageView"))
+}
+
 /// How texels are filtered and addressed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SamplerDesc {
@@ -312,6 +388,8 @@ pub struct SamplerDesc {
     pub wrap: [vk::SamplerAddressMode; 2],
     /// As much anisotropy as the device has, 16 at most.
     pub anisotropy: bool,
+    /// Comparison of the reference (left) with the texel; the lookup gives how much of it holds.
+    pub compare: Option<vk::CompareOp>,
 }
 
 impl SamplerDesc {
@@ -323,6 +401,12 @@ impl SamplerDesc {
         max_lod: vk::LOD_CLAMP_NONE,
         wrap: [vk::SamplerAddressMode::CLAMP_TO_EDGE; 2],
         anisotropy: false,
+        compare: None,
+    };
+    /// Linear mix of four comparisons in reverse-Z: lit where the reference is at least as near.
+    pub const SHADOW_COMPARE: Self = Self {
+        compare: Some(vk::CompareOp::GREATER_OR_EQUAL),
+        ..Self::LINEAR_CLAMP
     };
     /// Linear in level 0, clamped to the edge.
     pub const LINEAR_CLAMP: Self = Self {
@@ -356,6 +440,8 @@ impl Sampler {
             .address_mode_u(desc.wrap[0])
             .address_mode_v(desc.wrap[1])
             .address_mode_w(vk::SamplerAddressMode::CLAMP_TO_EDGE)
+            .compare_enable(desc.compare.is_some())
+            .compare_op(desc.compare.unwrap_or_default())
             .anisotropy_enable(desc.anisotropy && shared.anisotropy)
             .max_anisotropy(MAX_ANISOTROPY.min(shared.limits.max_sampler_anisotropy));
         // SAFETY: the device is alive, and anisotropy is enabled only where it has it.

@@ -64,7 +64,7 @@ pub struct DepthState {
     pub write: bool,
 }
 
-/// What to create. Triangle lists, one sample; viewport, scissor, cull mode and front face are dynamic.
+/// What to create. Triangle lists; viewport, scissor, cull mode and front face are dynamic.
 #[derive(Clone, Copy)]
 pub struct GraphicsPipelineDesc<'a> {
     /// Name in messages and debuggers.
@@ -79,6 +79,10 @@ pub struct GraphicsPipelineDesc<'a> {
     pub colors: &'a [ColorTarget],
     /// Depth test; absent where the pass has no depth attachment.
     pub depth: Option<DepthState>,
+    /// Samples per pixel of every attachment.
+    pub samples: u32,
+    /// Whether the depth bias is dynamic state, and depth is clamped to 0..=1 instead of clipped: shadow maps.
+    pub depth_bias: bool,
 }
 
 /// A graphics pipeline.
@@ -251,9 +255,11 @@ fn create_graphics(
         .scissor_count(1);
     let raster = vk::PipelineRasterizationStateCreateInfo::default()
         .polygon_mode(vk::PolygonMode::FILL)
+        .depth_bias_enable(desc.depth_bias)
+        .depth_clamp_enable(desc.depth_bias)
         .line_width(1.0);
     let samples = vk::PipelineMultisampleStateCreateInfo::default()
-        .rasterization_samples(vk::SampleCountFlags::TYPE_1);
+        .rasterization_samples(vk::SampleCountFlags::from_raw(desc.samples));
     let depth = depth_state(desc.depth);
     let mut blends = [vk::PipelineColorBlendAttachmentState::default(); MAX_COLORS];
     let mut formats = [vk::Format::UNDEFINED; MAX_COLORS];
@@ -268,8 +274,10 @@ fn create_graphics(
         vk::DynamicState::SCISSOR,
         vk::DynamicState::CULL_MODE,
         vk::DynamicState::FRONT_FACE,
+        vk::DynamicState::DEPTH_BIAS,
     ];
-    let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
+    let states = dynamic.len() - usize::from(!desc.depth_bias);
+    let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic[..states]);
     let depth_format = desc
         .depth
         .map_or(vk::Format::UNDEFINED, |depth| depth.format);

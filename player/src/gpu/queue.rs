@@ -3,6 +3,7 @@
 use ash::vk;
 use gpu_allocator::vulkan::Allocation;
 
+use super::descriptor::SET_COUNT;
 use super::device::Shared;
 use super::error::{GpuError, GpuResult};
 
@@ -14,9 +15,10 @@ pub struct Submission(pub(super) u64);
 pub(super) enum Garbage {
     Buffer(vk::Buffer, Allocation),
     Image(vk::Image, vk::ImageView, Allocation),
+    View(vk::ImageView),
     Sampler(vk::Sampler),
     DescriptorPool(vk::DescriptorPool),
-    Layouts(vk::PipelineLayout, [vk::DescriptorSetLayout; 3]),
+    Layouts(vk::PipelineLayout, [vk::DescriptorSetLayout; SET_COUNT]),
     Pipeline(vk::Pipeline),
     CommandPool(vk::CommandPool),
     QueryPool(vk::QueryPool),
@@ -188,6 +190,7 @@ impl Shared {
                     device.destroy_image(image, None);
                     self.free(allocation);
                 }
+                Garbage::View(view) => device.destroy_image_view(view, None),
                 Garbage::Sampler(sampler) => device.destroy_sampler(sampler, None),
                 Garbage::DescriptorPool(pool) => device.destroy_descriptor_pool(pool, None),
                 Garbage::Layouts(pipeline, sets) => {

@@ -163,6 +163,12 @@ fn examine_features(instance: &Instance, candidate: &mut Candidate) {
             v10.texture_compression_bc,
             "textureCompressionBC (BC4, BC5, BC6H, BC7)",
         ),
+        (v10.depth_clamp, "depthClamp"),
+        (v10.depth_bias_clamp, "depthBiasClamp"),
+        (
+            v10.shader_storage_image_extended_formats,
+            "shaderStorageImageExtendedFormats",
+        ),
         (
             v10.shader_sampled_image_array_dynamic_indexing,
             "shaderSampledImageArrayDynamicIndexing",

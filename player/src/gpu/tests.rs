@@ -205,6 +205,7 @@ fn images_come_back_bit_exact() {
         levels: 1,
         layers: 1,
         cube: false,
+        samples: 1,
         usage,
     };
     image_round_trip(&gpu, TextureFormat::Rgba8Unorm, &desc, 1 << 20);
@@ -227,6 +228,7 @@ fn images_come_back_bit_exact() {
         levels: 7,
         layers: 6,
         cube: true,
+        samples: 1,
         ..desc
     };
     image_round_trip(&gpu, TextureFormat::Bc6hUfloat, &cube, 5000);
@@ -244,6 +246,7 @@ fn an_impossible_image_is_a_typed_error() {
         levels: 1,
         layers: 1,
         cube: false,
+        samples: 1,
         usage: vk::ImageUsageFlags::SAMPLED,
     };
     match Image::new(&gpu, &desc).err() {
@@ -310,6 +313,8 @@ fn draw_triangle(gpu: &Gpu, clockwise: bool) -> (Vec<[u8; 4]>, Vec<PassTime>) {
             compare: vk::CompareOp::GREATER,
             write: true,
         }),
+        samples: 1,
+        depth_bias: false,
     };
     let pipeline = GraphicsPipeline::new(gpu, &layouts, &desc).expect("pipeline");
     let image = |name, format, usage| {
@@ -320,6 +325,7 @@ fn draw_triangle(gpu: &Gpu, clockwise: bool) -> (Vec<[u8; 4]>, Vec<PassTime>) {
             levels: 1,
             layers: 1,
             cube: false,
+            samples: 1,
             usage,
         };
         Image::new(gpu, &desc).expect("image")

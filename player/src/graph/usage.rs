@@ -1,9 +1,27 @@
-//! What each kind of use of an image waits for, and leaves behind for the next one to wait for.
+//! What each kind of use of an image or buffer waits for, and leaves behind for the next one to wait for.
 
 use crate::gpu::Sync;
 use crate::gpu::vk::{AccessFlags2, ImageLayout, PipelineStageFlags2};
 
-/// How a pass uses an image.
+/// The shader stage that touches an image or buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    Fragment,
+    Compute,
+    RayTracing,
+}
+
+impl Stage {
+    fn flags(self) -> PipelineStageFlags2 {
+        match self {
+            Self::Fragment => PipelineStageFlags2::FRAGMENT_SHADER,
+            Self::Compute => PipelineStageFlags2::COMPUTE_SHADER,
+            Self::RayTracing => PipelineStageFlags2::RAY_TRACING_SHADER_KHR,
+        }
+    }
+}
+
+/// How a pass uses an image or buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Usage {
     /// Colour attachment; what it held before is lost.
@@ -14,8 +32,20 @@ pub enum Usage {
     DepthClear,
     /// Depth attachment, tested, written or not: storing it is a write as well.
     Depth,
-    /// Texture of a fragment shader.
-    Sampled,
+    /// Texture.
+    Sampled(Stage),
+    /// Storage image, written whole; what it held before is lost.
+    StorageClear(Stage),
+    /// Storage image, read and written.
+    Storage(Stage),
+    /// Storage buffer, read.
+    BufferRead(Stage),
+    /// Storage buffer, read and written.
+    Buffer(Stage),
+    /// Buffer that a copy or fill writes.
+    BufferCopyTarget,
+    /// Buffer that a copy reads.
+    BufferCopySource,
     /// Source of a copy.
     CopySource,
 }
@@ -71,10 +101,46 @@ impl Usage {
                 true,
                 true,
             ),
-            Self::Sampled => (
+            Self::Sampled(stage) => (
                 ImageLayout::SHADER_READ_ONLY_OPTIMAL,
-                PipelineStageFlags2::FRAGMENT_SHADER,
+                stage.flags(),
                 AccessFlags2::SHADER_SAMPLED_READ,
+                false,
+                true,
+            ),
+            Self::StorageClear(stage) | Self::Storage(stage) => (
+                ImageLayout::GENERAL,
+                stage.flags(),
+                AccessFlags2::SHADER_STORAGE_READ | AccessFlags2::SHADER_STORAGE_WRITE,
+                true,
+                matches!(self, Self::Storage(_)),
+            ),
+            // Buffers have no layout: theirs stays undefined.
+            Self::BufferRead(stage) => (
+                ImageLayout::UNDEFINED,
+                stage.flags(),
+                AccessFlags2::SHADER_STORAGE_READ,
+                false,
+                true,
+            ),
+            Self::Buffer(stage) => (
+                ImageLayout::UNDEFINED,
+                stage.flags(),
+                AccessFlags2::SHADER_STORAGE_READ | AccessFlags2::SHADER_STORAGE_WRITE,
+                true,
+                true,
+            ),
+            Self::BufferCopyTarget => (
+                ImageLayout::UNDEFINED,
+                PipelineStageFlags2::COPY | PipelineStageFlags2::CLEAR,
+                AccessFlags2::TRANSFER_WRITE,
+                true,
+                true,
+            ),
+            Self::BufferCopySource => (
+                ImageLayout::UNDEFINED,
+                PipelineStageFlags2::COPY,
+                AccessFlags2::TRANSFER_READ,
                 false,
                 true,
             ),
@@ -197,6 +263,8 @@ impl State {
 mod tests {
     use super::*;
 
+    const FRAGMENT: Usage = Usage::Sampled(Stage::Fragment);
+
     fn after(usages: &[Usage]) -> (State, Vec<Option<Transition>>) {
         let mut state = State::UNDEFINED;
         let found = usages
@@ -208,7 +276,7 @@ mod tests {
 
     #[test]
     fn a_read_waits_for_the_write() {
-        let (_, found) = after(&[Usage::ColorClear, Usage::Sampled]);
+        let (_, found) = after(&[Usage::ColorClear, FRAGMENT]);
         let barrier = found[1].expect("read after write");
         assert_eq!(barrier.old, ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
         assert_eq!(barrier.new, ImageLayout::SHADER_READ_ONLY_OPTIMAL);
@@ -230,20 +298,14 @@ mod tests {
 
     #[test]
     fn a_second_read_needs_no_barrier() {
-        let (_, found) = after(&[Usage::ColorClear, Usage::Sampled, Usage::Sampled]);
+        let (_, found) = after(&[Usage::ColorClear, FRAGMENT, FRAGMENT]);
         assert!(found[2].is_none());
     }
 
     #[test]
     fn a_read_in_another_stage_is_not_covered_by_the_first() {
-        let (mut state, _) = after(&[Usage::ColorClear, Usage::Sampled]);
-        let compute = Access {
-            sync: Sync {
-                stage: PipelineStageFlags2::COMPUTE_SHADER,
-                access: AccessFlags2::SHADER_SAMPLED_READ,
-            },
-            ..Usage::Sampled.access()
-        };
+        let (mut state, _) = after(&[Usage::ColorClear, FRAGMENT]);
+        let compute = Usage::Sampled(Stage::Compute).access();
         let barrier = state
             .advance(compute)
             .expect("the write is not visible to compute yet");
@@ -261,7 +323,7 @@ mod tests {
 
     #[test]
     fn the_next_frame_waits_for_the_last_readers() {
-        let (mut state, _) = after(&[Usage::ColorClear, Usage::Color, Usage::Sampled]);
+        let (mut state, _) = after(&[Usage::ColorClear, Usage::Color, FRAGMENT]);
         let barrier = state
             .advance(Usage::ColorClear.access())
             .expect("write after read");
@@ -304,5 +366,48 @@ mod tests {
         let stages = PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT | PipelineStageFlags2::COPY;
         assert_eq!(barrier.source.stage, stages);
         assert_eq!(barrier.old, ImageLayout::UNDEFINED);
+    }
+
+    #[test]
+    fn a_storage_write_waits_for_the_sampled_read() {
+        let clear = Usage::StorageClear(Stage::Compute);
+        let (_, found) = after(&[clear, FRAGMENT, clear]);
+        let read = found[1].expect("read after write");
+        assert_eq!(
+            (read.old, read.new),
+            (ImageLayout::GENERAL, ImageLayout::SHADER_READ_ONLY_OPTIMAL)
+        );
+        let write = found[2].expect("write after read");
+        assert_eq!(write.old, ImageLayout::UNDEFINED);
+        assert!(
+            write
+                .source
+                .stage
+                .contains(PipelineStageFlags2::FRAGMENT_SHADER)
+        );
+        let (_, found) = after(&[clear, Usage::Storage(Stage::Compute)]);
+        assert_eq!(
+            found[1].map(|barrier| barrier.old),
+            Some(ImageLayout::GENERAL)
+        );
+    }
+
+    #[test]
+    fn buffers_are_ordered_without_layouts() {
+        let write = Usage::Buffer(Stage::Compute);
+        let read = Usage::BufferRead(Stage::Fragment);
+        let (_, found) = after(&[write, read, read, Usage::BufferCopySource, write]);
+        assert!(found[1].is_some() && found[2].is_none());
+        assert!(found[3].is_some(), "the write is not visible to copies yet");
+        let last = found[4].expect("write after read");
+        let readers = PipelineStageFlags2::FRAGMENT_SHADER | PipelineStageFlags2::COPY;
+        assert!(last.source.stage.contains(readers));
+        assert!(
+            found
+                .iter()
+                .flatten()
+                .all(|barrier| barrier.old == ImageLayout::UNDEFINED
+                    && barrier.new == ImageLayout::UNDEFINED)
+        );
     }
 }

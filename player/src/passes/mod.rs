@@ -91,6 +91,8 @@ fn surface_pipeline(
         input: VertexInput::Scene,
         colors: &[hdr_target(blend)],
         depth: Some(depth_state(vk::CompareOp::GREATER, writes_depth)),
+        samples: 1,
+        depth_bias: false,
     };
     GraphicsPipeline::new(gpu, layouts, &desc)
 }

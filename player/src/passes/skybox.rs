@@ -27,6 +27,8 @@ impl Skybox {
             input: VertexInput::None,
             colors: &[hdr_target(Blend::None)],
             depth: Some(depth_state(vk::CompareOp::GREATER_OR_EQUAL, false)),
+            samples: 1,
+            depth_bias: false,
         };
         Ok(Self {
             pipeline: GraphicsPipeline::new(gpu, layouts, &desc)?,

@@ -31,6 +31,8 @@ impl Tonemap {
                 blend: Blend::None,
             }],
             depth: None,
+            samples: 1,
+            depth_bias: false,
         };
         Ok(Self {
             pipeline: GraphicsPipeline::new(gpu, layouts, &desc)?,

@@ -154,6 +154,7 @@ fn upload_image(
             levels: image.levels.len() as u32,
             layers,
             cube: layers == 6,
+            samples: 1,
             usage: vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST,
         },
     )?;
@@ -209,6 +210,7 @@ fn sampler_desc(sampler: &ArchivedSampler) -> SamplerDesc {
         anisotropy: sampler.min_linear
             && sampler.mag_linear
             && sampler.mip == ArchivedMipFilter::Linear,
+        compare: None,
     }
 }
 
