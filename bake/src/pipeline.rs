@@ -217,6 +217,8 @@ fn sections<'a>(
         .records(SectionKind::EmissiveTriangles, &prepared.emissive_triangles)
         .records(SectionKind::TextureTransforms, &plan.transforms)
         .records(SectionKind::VertexColors, &prepared.colors)
+        .records(SectionKind::PunctualLights, &prepared.punctual_lights)
+        .records(SectionKind::MaterialExtensions, &plan.extensions)
         .bytes(SectionKind::Texels, texels.bytes.as_slice())
         .bytes(SectionKind::EnvAlias, light.alias.as_slice());
     writer

@@ -17,7 +17,7 @@ use crate::check;
 use crate::error::{Error, Part, Result};
 use crate::gpu::{
     DirectionalLight, DrawGroup, EmissiveTriangle, EnvAliasEntry, EnvAliasHeader, Instance,
-    Material, MeshInstance, TextureTransform, VertexColor,
+    Material, MaterialExtension, MeshInstance, PunctualLight, TextureTransform, VertexColor,
 };
 use crate::header::{ENTRY_BYTES, HEADER_BYTES, Header, SectionEntry};
 use crate::scene::ArchivedScene;
@@ -265,6 +265,16 @@ impl Package {
     /// Directional light records.
     pub fn directional_lights(&self) -> Result<&[DirectionalLight]> {
         self.records(SectionKind::DirectionalLights)
+    }
+
+    /// Point and spot light records.
+    pub fn punctual_lights(&self) -> Result<&[PunctualLight]> {
+        self.records(SectionKind::PunctualLights)
+    }
+
+    /// Further lobes, one record per material; empty where no material has any.
+    pub fn material_extensions(&self) -> Result<&[MaterialExtension]> {
+        self.records(SectionKind::MaterialExtensions)
     }
 
     /// Texel bytes of all images.

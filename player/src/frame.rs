@@ -298,6 +298,12 @@ impl Slot {
         if let Some(colors) = &scene.vertex_colors {
             set.write_buffer(10, colors)?;
         }
+        if let Some(lights) = &scene.punctual_lights {
+            set.write_buffer(11, lights)?;
+        }
+        if let Some(extensions) = &scene.material_extensions {
+            set.write_buffer(12, extensions)?;
+        }
         Ok(Self {
             uniform,
             visible,

@@ -1,7 +1,8 @@
 //! Packages with right hashes and wrong content: each rule refuses its violation.
 
 use crate::common::{Content, package, tiny};
-use cairn_format::gpu::{NO_TEXTURE, TEXTURE_UV1};
+use bytemuck::Zeroable;
+use cairn_format::gpu::{MaterialExtension, NO_TEXTURE, PunctualLight, TEXTURE_UV1};
 use cairn_format::scene::{Camera, ProjectionKind, Scene};
 use cairn_format::{Package, Result};
 
@@ -129,6 +130,34 @@ fn materials_and_draws_are_checked() {
     refused("floats do not fit", |_, content| {
         content.bounds.truncate(16)
     });
+}
+
+#[test]
+fn lights_and_lobes_are_checked() {
+    let light = PunctualLight::zeroed();
+    open(|_, content| content.punctual_lights = vec![light; 3]).expect("sound lights");
+    refused("light 1 is not finite", |_, content| {
+        content.punctual_lights = vec![light; 3];
+        content.punctual_lights[1].spot_offset = f32::NAN;
+    });
+    let lobes = MaterialExtension::default();
+    open(|_, content| content.material_extensions = vec![lobes]).expect("sound lobes");
+    refused("2 records, not 1", |_, content| {
+        content.material_extensions = vec![lobes; 2]
+    });
+    let refuse = |what: &str, change: fn(&mut MaterialExtension)| {
+        refused(what, |_, content| {
+            content.material_extensions = vec![lobes];
+            change(&mut content.material_extensions[0]);
+        });
+    };
+    refuse("texture reference", |lobes| lobes.clearcoat_normal_tex = 1);
+    refuse("texture reference", |lobes| {
+        lobes.sheen_roughness_tex = TEXTURE_UV1 | 1
+    });
+    refuse("lobes 0x8", |lobes| lobes.lobes = 8);
+    refuse("not finite", |lobes| lobes.sheen_color[2] = f32::INFINITY);
+    refuse("not finite", |lobes| lobes.dielectric_f0 = f32::NAN);
 }
 
 #[test]
