@@ -1,7 +1,7 @@
 //! Loads, bakes and stores the environment: three cubes and the BRDF table.
 
 use cairn_format::TextureFormat;
-use cairn_format::scene::{Environment, ImageRole};
+use cairn_format::scene::{Environment, ImageRole, Sun};
 
 use crate::environment::{
     Cube, DEFAULT_LUT_SIZE, EnvironmentOptions, EnvironmentProducts, Equirect, bake_environment,
@@ -24,7 +24,7 @@ pub fn bake(
         height: image.height,
         texels: std::mem::take(&mut image.texels),
     };
-    bake_environment(&equirect, &EnvironmentOptions::default(), progress)
+    bake_environment(equirect, &EnvironmentOptions::default(), progress)
 }
 
 /// Appends the cubes to the texels.
@@ -42,8 +42,13 @@ pub fn store(
         prefiltered_roughness: (0..levels)
             .map(|level| level_roughness(level, levels) as f32)
             .collect(),
-        scale: 1.0,
-        sun: None,
+        scale: products.scale,
+        sun: products.sun.map(|sun| Sun {
+            direction: sun.direction,
+            color: sun.color,
+            illuminance: sun.illuminance,
+            angular_radius: sun.angular_radius,
+        }),
         irradiance_sh: products.irradiance_sh,
         source_width: image.width,
         source_height: image.height,
