@@ -3,6 +3,7 @@
 pub mod args;
 pub mod camera;
 pub mod camera_file;
+pub mod cascade;
 pub mod draw;
 pub mod error;
 pub mod frame;
