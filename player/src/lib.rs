@@ -11,6 +11,7 @@ pub mod gpu;
 pub mod graph;
 pub mod headless;
 pub mod passes;
+pub mod lights;
 pub mod png;
 pub mod scene;
 pub mod settings;
