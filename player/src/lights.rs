@@ -74,10 +74,7 @@ impl SceneLights {
         let casts = |record: &DirectionalLight| record.color_and_shadow[3] > 0.0;
         match self.source(settings.light.source) {
             LightSource::Scene => (self.scene.len(), self.scene.iter().any(casts)),
-            LightSource::Sun => (
-                usize::from(self.sun.is_some()),
-                self.sun.is_some(),
-            ),
+            LightSource::Sun => (usize::from(self.sun.is_some()), self.sun.is_some()),
             LightSource::Fallback => (1, true),
             LightSource::Auto | LightSource::None => (0, false),
         }
@@ -195,7 +192,10 @@ mod tests {
         let mut found = Lights::default();
         lights.choose(settings, &mut found);
         let (count, casts) = lights.count(settings);
-        assert_eq!((found.records.len(), found.shadowed.is_some()), (count, casts));
+        assert_eq!(
+            (found.records.len(), found.shadowed.is_some()),
+            (count, casts)
+        );
         assert!(count <= lights.capacity());
         found
     }
@@ -219,7 +219,10 @@ mod tests {
             .collect();
         let expected = [Vec3::NEG_Y, Vec3::X, Vec3::Y, Vec3::Z];
         assert_eq!(order, expected.map(|axis| axis.extend(2.0).to_array()));
-        assert_eq!(found.shadowed.map(|light| light.direction), Some(Vec3::NEG_Y));
+        assert_eq!(
+            found.shadowed.map(|light| light.direction),
+            Some(Vec3::NEG_Y)
+        );
     }
 
     #[test]
@@ -242,7 +245,10 @@ mod tests {
         lights.has_environment = true;
         assert!(chosen(&lights, &auto).records.is_empty());
         lights.sun = Some(sun());
-        assert_eq!(chosen(&lights, &auto), chosen(&lights, &from(LightSource::Sun)));
+        assert_eq!(
+            chosen(&lights, &auto),
+            chosen(&lights, &from(LightSource::Sun))
+        );
         lights.scene = vec![light(Vec3::X, true)];
         assert_eq!(chosen(&lights, &auto).records, lights.scene);
         assert!(chosen(&lights, &from(LightSource::None)).records.is_empty());
@@ -279,7 +285,11 @@ mod tests {
         let found = chosen(&lights, &settings);
         let to_sun = -found.shadowed.map_or(Vec3::ZERO, |light| light.direction);
         let (s, c) = settings.ibl_yaw.sin_cos();
-        let in_environment = Vec3::new(c * to_sun.x + s * to_sun.z, to_sun.y, c * to_sun.z - s * to_sun.x);
+        let in_environment = Vec3::new(
+            c * to_sun.x + s * to_sun.z,
+            to_sun.y,
+            c * to_sun.z - s * to_sun.x,
+        );
         assert!(in_environment.abs_diff_eq(sun().direction, 1e-6));
         assert_eq!(found.records[0].direction_and_intensity[3], 25.0);
         let diameter = found.shadowed.map(|light| light.angular_diameter);
