@@ -4,6 +4,7 @@
 //! does is moved to the front.
 
 use cairn_format::gpu::DirectionalLight;
+use cairn_format::scene::{ArchivedSun, natives};
 use cairn_format::{Error, Package, Part, SectionKind};
 use glam::{Mat3, Vec3};
 
@@ -57,10 +58,11 @@ impl SceneLights {
         for (index, record) in records.iter().enumerate() {
             check(record, index)?;
         }
+        let environment = package.scene().environment.as_ref();
         Ok(Self {
             scene: records.to_vec(),
-            sun: None,
-            has_environment: package.scene().environment.is_some(),
+            sun: environment.and_then(|found| found.sun.as_ref().map(Sun::new)),
+            has_environment: environment.is_some(),
         })
     }
 
@@ -123,6 +125,15 @@ impl SceneLights {
 }
 
 impl Sun {
+    fn new(sun: &ArchivedSun) -> Self {
+        Self {
+            direction: Vec3::from(natives(&sun.direction)),
+            color: Vec3::from(natives(&sun.color)),
+            illuminance: sun.illuminance.to_native(),
+            angular_radius: sun.angular_radius.to_native(),
+        }
+    }
+
     fn record(&self, settings: &Settings) -> DirectionalLight {
         let direction = -(Mat3::from_rotation_y(-settings.ibl_yaw) * self.direction);
         let intensity = self.illuminance * settings.ibl_intensity;
