@@ -52,6 +52,7 @@ pub(crate) fn bulk(package: &Package) -> Result<()> {
     mesh_instances(package.mesh_instances()?, package.scene())?;
     emissive(package)?;
     instance_bounds(package)?;
+    super::env_alias(package.section(SectionKind::EnvAlias)?)?;
     texture_transforms(package.texture_transforms()?)
 }
 
