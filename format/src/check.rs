@@ -1,6 +1,7 @@
 //! Every validation rule of a package, one function each.
 
 mod bulk;
+mod environment;
 
 use std::ops::Range;
 
@@ -22,6 +23,7 @@ use crate::texture::{full_mip_count, mip_extent};
 
 pub(crate) use bulk::{bulk, hashes_and_padding};
 pub use bulk::{indices, instances, texture_transforms, vertices};
+pub use environment::env_alias;
 
 /// Largest width or height of an image.
 pub const MAX_IMAGE_EXTENT: u32 = 1 << 16;
@@ -146,7 +148,7 @@ pub(crate) fn root(package: &Package) -> Result<()> {
     images(package, scene)?;
     textures(scene)?;
     lights_and_cameras(scene)?;
-    environment(scene)?;
+    environment::environment(package, scene)?;
     materials(package.materials()?, scene.textures.len())?;
     material_extensions(package.material_extensions()?, scene.textures.len())?;
     punctual_lights(package.punctual_lights()?)?;
@@ -376,35 +378,6 @@ fn lights_and_cameras(scene: &ArchivedScene) -> Result<()> {
         }
     }
     Ok(())
-}
-
-fn environment(scene: &ArchivedScene) -> Result<()> {
-    let layers = |image: u32| {
-        scene
-            .images
-            .get(image as usize)
-            .map(|image| image.layers.to_native())
-    };
-    if let Some(environment) = scene.environment.as_ref() {
-        for image in [
-            environment.sky,
-            environment.irradiance,
-            environment.prefiltered,
-        ] {
-            if layers(image.to_native()) != Some(6) {
-                return Err(root_error(format!("environment: image {image} is no cube")));
-            }
-        }
-        if scene.brdf_lut.is_none() {
-            return Err(root_error("environment without a BRDF table"));
-        }
-    }
-    match scene.brdf_lut.as_ref() {
-        Some(image) if layers(image.to_native()) != Some(1) => Err(root_error(format!(
-            "BRDF table: image {image} is no 2D image"
-        ))),
-        _ => Ok(()),
-    }
 }
 
 /// Material records: modes, flags and texture references in range, factors finite.

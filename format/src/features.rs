@@ -37,8 +37,11 @@ pub const SPECULAR: u32 = 1 << 15;
 /// Some material has sheen.
 pub const SHEEN: u32 = 1 << 16;
 
+/// The environment's sun was taken out of its cubes.
+pub const SUN: u32 = 1 << 17;
+
 /// Name of every bit, lowest first.
-pub const NAMES: [(u32, &str); 17] = [
+pub const NAMES: [(u32, &str); 18] = [
     (MASK, "mask"),
     (BLEND, "blend"),
     (DOUBLE_SIDED, "double-sided"),
@@ -56,6 +59,7 @@ pub const NAMES: [(u32, &str); 17] = [
     (CLEARCOAT, "clearcoat"),
     (SPECULAR, "specular"),
     (SHEEN, "sheen"),
+    (SUN, "sun"),
 ];
 
 /// Bits that have a meaning.

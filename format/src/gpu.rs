@@ -110,7 +110,7 @@ gpu_record! {
         pub time: f32 = 280,
         /// Records in the directional light buffer.
         pub directional_light_count: u32 = 284,
-        /// Multiplier of image-based light.
+        /// Multiplier of image-based light: the setting times the environment's scale.
         pub ibl_intensity: f32 = 288,
         /// Cubemap slot storing E/pi; [`NO_TEXTURE`] when absent.
         pub irradiance_cubemap_index: u32 = 292,
@@ -327,13 +327,18 @@ gpu_record! {
 }
 
 gpu_record! {
-    /// One texel of the environment's importance table: set 0, binding 6, behind the header.
+    /// One cell of the environment's importance table: set 0, binding 6, behind the header.
+    ///
+    /// Cells form an equirectangular grid in the panorama's orientation (see
+    /// [`crate::scene::Environment`]), row 0 at +Y. A cell is drawn with probability
+    /// `luminance * solid angle / total_luminance`; a direction within it uniformly in longitude and in
+    /// `y`, so that the density per steradian is `luminance / total_luminance`. The sun is not in the table.
     pub struct EnvAliasEntry: 12 {
         /// Probability of keeping this entry.
         pub prob: f32 = 0,
         /// Entry taken otherwise.
         pub alias_index: u32 = 4,
-        /// Rec. 709 luminance, without the solid-angle weight.
+        /// Mean Rec. 709 luminance of the cell's radiance, scale applied, without the solid-angle weight.
         pub luminance: f32 = 8,
     }
 }
@@ -341,7 +346,7 @@ gpu_record! {
 gpu_record! {
     /// Head of the environment's importance table.
     pub struct EnvAliasHeader: 16 {
-        /// Sum of luminance times solid-angle weight.
+        /// Sum of luminance times steradians; above 0.
         pub total_luminance: f32 = 0,
         /// `width * height`.
         pub entry_count: u32 = 4,

@@ -16,8 +16,8 @@ use crate::bounds::BoundsView;
 use crate::check;
 use crate::error::{Error, Part, Result};
 use crate::gpu::{
-    DirectionalLight, DrawGroup, EmissiveTriangle, Instance, Material, MaterialExtension,
-    MeshInstance, PunctualLight, TextureTransform, VertexColor,
+    DirectionalLight, DrawGroup, EmissiveTriangle, EnvAliasEntry, EnvAliasHeader, Instance,
+    Material, MaterialExtension, MeshInstance, PunctualLight, TextureTransform, VertexColor,
 };
 use crate::header::{ENTRY_BYTES, HEADER_BYTES, Header, SectionEntry};
 use crate::scene::ArchivedScene;
@@ -232,6 +232,14 @@ impl Package {
     /// Vertex colours, one per vertex of the arena; empty where no primitive has any.
     pub fn vertex_colors(&self) -> Result<&[VertexColor]> {
         self.records(SectionKind::VertexColors)
+    }
+
+    /// The environment's importance table; `None` where the section is absent.
+    pub fn env_alias(&self) -> Result<Option<(&EnvAliasHeader, &[EnvAliasEntry])>> {
+        let bytes = self.section(SectionKind::EnvAlias)?;
+        Ok(bytes
+            .split_first_chunk::<{ size_of::<EnvAliasHeader>() }>()
+            .map(|(head, entries)| (bytemuck::from_bytes(head), bytemuck::cast_slice(entries))))
     }
 
     /// Emissive triangles in world space.

@@ -60,7 +60,7 @@ pub struct GpuScene {
 }
 
 /// Cube slots of the image-based light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EnvironmentSlots {
     /// Radiance.
     pub sky: u32,
@@ -70,6 +70,8 @@ pub struct EnvironmentSlots {
     pub prefiltered: u32,
     /// Levels of the prefiltered chain.
     pub prefiltered_levels: u32,
+    /// Cube texels times this are radiance.
+    pub scale: f32,
 }
 
 /// What an upload copied, and how fast.

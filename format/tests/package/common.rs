@@ -25,6 +25,7 @@ pub struct Content {
     pub punctual_lights: Vec<PunctualLight>,
     pub material_extensions: Vec<MaterialExtension>,
     pub texels: Vec<u8>,
+    pub env_alias: Vec<u8>,
 }
 
 const UNIT: Bounds = Bounds {
@@ -80,6 +81,7 @@ pub fn tiny() -> (Scene, Content) {
             .chain([0; 8])
             .chain([128; 4])
             .collect(),
+        env_alias: Vec::new(),
     };
     (scene(), content)
 }
@@ -153,7 +155,8 @@ pub fn package(scene: &Scene, content: &Content) -> Vec<u8> {
             SectionKind::MaterialExtensions,
             &content.material_extensions,
         )
-        .bytes(SectionKind::Texels, content.texels.as_slice());
+        .bytes(SectionKind::Texels, content.texels.as_slice())
+        .bytes(SectionKind::EnvAlias, content.env_alias.as_slice());
     writer.to_vec(scene, "0.1.0").expect("writing to memory")
 }
 

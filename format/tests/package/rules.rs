@@ -3,7 +3,7 @@
 use crate::common::{Content, package, tiny};
 use bytemuck::Zeroable;
 use cairn_format::gpu::{MaterialExtension, NO_TEXTURE, PunctualLight, TEXTURE_UV1};
-use cairn_format::scene::{Camera, Environment, ProjectionKind, Scene};
+use cairn_format::scene::{Camera, ProjectionKind, Scene};
 use cairn_format::{Package, Result};
 
 fn open(change: impl FnOnce(&mut Scene, &mut Content)) -> Result<Package> {
@@ -78,17 +78,6 @@ fn images_and_textures_are_checked() {
     });
     refused("image 1", |scene, _| scene.textures[0].image = 1);
     refused("sampler 1", |scene, _| scene.textures[0].sampler = 1);
-    refused("is no cube", |scene, _| {
-        scene.environment = Some(Environment {
-            sky: 0,
-            irradiance: 0,
-            prefiltered: 0,
-            source_width: 2,
-            source_height: 1,
-            replaced_texels: 0,
-            clamped_texels: 0,
-        });
-    });
     refused("BRDF table", |scene, _| scene.brdf_lut = Some(9));
 }
 
