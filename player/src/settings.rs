@@ -40,6 +40,19 @@ pub enum Tonemap {
     Neutral,
 }
 
+/// Whether depth is drawn before surfaces are shaded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Prepass {
+    /// Where a pass reads depth or normals before surfaces are shaded.
+    #[default]
+    Auto,
+    /// Always.
+    On,
+    /// Only where a pass could not work without.
+    Off,
+}
+
 /// Which directional lights shine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -210,6 +223,8 @@ pub struct Settings {
     pub debug_view: u32,
     /// Samples per pixel: 1, 2, 4 or 8.
     pub msaa: u32,
+    /// Depth before shading.
+    pub prepass: Prepass,
     pub light: LightSettings,
     pub shadow: ShadowSettings,
     pub ao: AoSettings,
@@ -300,6 +315,7 @@ impl Default for Settings {
             skybox: true,
             debug_view: 0,
             msaa: 1,
+            prepass: Prepass::default(),
             light: LightSettings::default(),
             shadow: ShadowSettings::default(),
             ao: AoSettings::default(),
