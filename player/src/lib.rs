@@ -10,9 +10,11 @@ pub mod gpu;
 pub mod graph;
 pub mod headless;
 pub mod passes;
+pub mod plan;
 pub mod png;
 pub mod scene;
 pub mod settings;
+pub mod targets;
 #[cfg(feature = "window")]
 pub mod window;
 
