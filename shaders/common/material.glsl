@@ -14,7 +14,8 @@ struct TexCoords {
     vec2 uv0;
     vec2 uv1;
 #ifdef CAIRN_EXPLICIT_LOD
-    // log2 of the footprint's width in uv0 and uv1, before a texture's transform: -inf reads level 0.
+    // log2 of the footprint's width in uv0 and uv1, before a texture's transform; very negative ones
+    // read level 0.
     float footprint0;
     float footprint1;
 #endif
@@ -41,26 +42,38 @@ struct MaterialPoint {
     vec3 clearcoat_normal;
 };
 
+mat2 texture_matrix(uint slot) {
+    vec4 matrix = texture_transforms[slot].matrix;
+    return mat2(matrix.xy, matrix.zw);
+}
+
+// Where a reference reads its texture.
+vec2 texture_uv(uint reference, TexCoords coords) {
+    uint slot = reference & ~TEXTURE_UV1;
+    vec2 uv = (reference & TEXTURE_UV1) != 0u ? coords.uv1 : coords.uv0;
+    return HAS_TEXTURE_TRANSFORMS ? texture_matrix(slot) * uv + texture_transforms[slot].offset : uv;
+}
+
+#ifdef CAIRN_EXPLICIT_LOD
+// The level whose texels are as wide as the footprint.
+float texture_level(uint reference, TexCoords coords) {
+    uint slot = reference & ~TEXTURE_UV1;
+    vec2 size = vec2(textureSize(textures[nonuniformEXT(slot)], 0));
+    float stretch = HAS_TEXTURE_TRANSFORMS ? abs(determinant(texture_matrix(slot))) : 1.0;
+    float footprint = (reference & TEXTURE_UV1) != 0u ? coords.footprint1 : coords.footprint0;
+    return max(footprint + 0.5 * log2(max(size.x * size.y * stretch, 1e-12)), 0.0);
+}
+#endif
+
 // `absent` where the reference names no texture. Colour textures have sRGB formats: the sampler decodes them.
 vec4 sample_texture(uint reference, TexCoords coords, vec4 absent) {
     if (reference == NO_TEXTURE) {
         return absent;
     }
     uint slot = reference & ~TEXTURE_UV1;
-    bool second = (reference & TEXTURE_UV1) != 0u;
-    vec2 uv = second ? coords.uv1 : coords.uv0;
-    float stretch = 1.0;
-    if (HAS_TEXTURE_TRANSFORMS) {
-        TextureTransform transform = texture_transforms[slot];
-        mat2 matrix = mat2(transform.matrix.xy, transform.matrix.zw);
-        uv = matrix * uv + transform.offset;
-        stretch = abs(determinant(matrix));
-    }
+    vec2 uv = texture_uv(reference, coords);
 #ifdef CAIRN_EXPLICIT_LOD
-    vec2 size = vec2(textureSize(textures[nonuniformEXT(slot)], 0));
-    float footprint = second ? coords.footprint1 : coords.footprint0;
-    float level = footprint + 0.5 * log2(max(size.x * size.y * stretch, 1e-12));
-    return textureLod(textures[nonuniformEXT(slot)], uv, max(level, 0.0));
+    return textureLod(textures[nonuniformEXT(slot)], uv, texture_level(reference, coords));
 #else
     return texture(textures[nonuniformEXT(slot)], uv);
 #endif
