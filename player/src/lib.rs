@@ -3,12 +3,14 @@
 pub mod args;
 pub mod camera;
 pub mod camera_file;
+pub mod cascade;
 pub mod draw;
 pub mod error;
 pub mod frame;
 pub mod gpu;
 pub mod graph;
 pub mod headless;
+pub mod lights;
 pub mod passes;
 pub mod plan;
 pub mod png;
