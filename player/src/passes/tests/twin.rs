@@ -81,6 +81,16 @@ impl Shading {
     }
 }
 
+/// Jimenez et al. 2016: visibility with the light that bounces between occluders of that albedo.
+pub fn multi_bounce(visibility: f64, albedo: f64) -> f64 {
+    let [a, b, c] = [
+        2.0404 * albedo - 0.3324,
+        -4.7951 * albedo + 0.6417,
+        2.7552 * albedo + 0.6903,
+    ];
+    visibility.max(a * visibility.powi(3) + b * visibility.powi(2) + c * visibility)
+}
+
 fn distribution(n_dot_h: f64, alpha: f64) -> f64 {
     let a2 = alpha * alpha;
     let denominator = n_dot_h * n_dot_h * (a2 - 1.0) + 1.0;
