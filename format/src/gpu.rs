@@ -459,7 +459,7 @@ gpu_record! {
 
 gpu_record! {
     /// Push constants of the path tracer. Positions that it traces are relative to `center`.
-    pub struct PathTracePush: 96 {
+    pub struct PathTracePush: 112 {
         /// Device address of the [`MeshInstance`] records, their transforms relative to `center`.
         pub mesh_instances: u64 = 0,
         /// Unit, from the scene to the environment's sun.
@@ -492,8 +492,14 @@ gpu_record! {
         pub seed: u32 = 84,
         /// 1 where the environment is seen behind the scene.
         pub show_sky: u32 = 88,
+        /// Directional lights; the environment's sun is none of them.
+        pub directional_light_count: u32 = 92,
+        /// Device address of the vertex arena.
+        pub vertices: u64 = 96,
+        /// Emissive triangles in the alias table.
+        pub emissive_count: u32 = 104,
         /// Zero.
-        pub pad_92: u32 = 92,
+        pub pad_108: u32 = 108,
     }
 }
 

@@ -195,7 +195,7 @@ struct ContactPush {
     float base_thickness;
 };
 
-// 96 bytes
+// 112 bytes
 struct PathTracePush {
     uint64_t mesh_instances;
     vec3 sun_direction;
@@ -213,7 +213,10 @@ struct PathTracePush {
     float occlusion_distance;
     uint seed;
     uint show_sky;
-    uint pad_92;
+    uint directional_light_count;
+    uint64_t vertices;
+    uint emissive_count;
+    uint pad_108;
 };
 
 // 32 bytes
