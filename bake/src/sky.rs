@@ -5,7 +5,7 @@ use cairn_format::scene::{Environment, ImageRole};
 
 use crate::environment::{
     Cube, DEFAULT_LUT_SIZE, EnvironmentOptions, EnvironmentProducts, Equirect, bake_environment,
-    brdf_lut, level_to_rgba16f,
+    brdf_lut, level_roughness, level_to_rgba16f,
 };
 use crate::import::EnvironmentImage;
 use crate::report::Row;
@@ -34,10 +34,17 @@ pub fn store(
     products: &EnvironmentProducts,
 ) -> Environment {
     let replaced = &image.replaced;
+    let levels = products.prefiltered.levels.len();
     let environment = Environment {
         sky: push_cube(texels, "sky", &products.sky),
         irradiance: push_cube(texels, "irradiance", &products.irradiance),
         prefiltered: push_cube(texels, "prefiltered", &products.prefiltered),
+        prefiltered_roughness: (0..levels)
+            .map(|level| level_roughness(level, levels) as f32)
+            .collect(),
+        scale: 1.0,
+        sun: None,
+        irradiance_sh: products.irradiance_sh,
         source_width: image.width,
         source_height: image.height,
         replaced_texels: replaced.nan + replaced.infinite + replaced.negative,

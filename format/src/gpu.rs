@@ -110,7 +110,7 @@ gpu_record! {
         pub time: f32 = 280,
         /// Records in the directional light buffer.
         pub directional_light_count: u32 = 284,
-        /// Multiplier of image-based light.
+        /// Multiplier of image-based light: the setting times the environment's scale.
         pub ibl_intensity: f32 = 288,
         /// Cubemap slot storing E/pi; [`NO_TEXTURE`] when absent.
         pub irradiance_cubemap_index: u32 = 292,
@@ -198,6 +198,28 @@ gpu_record! {
 }
 
 gpu_record! {
+    /// A point or spot light (`KHR_lights_punctual`): set 0, binding 11. At distance `d` it irradiates with
+    /// `color / d^2 * max(0, min(1, 1 - (d / range)^4)) * clamp(spot_scale * c + spot_offset, 0, 1)^2`, where `c` is
+    /// the cosine between the light's direction and that to the receiver; a point light has scale 0 and offset 1.
+    pub struct PunctualLight: 64 {
+        /// xyz world position, w range in metres; 0 is unlimited.
+        pub position_and_range: [f32; 4] = 0,
+        /// xyz direction of travel (unit), w factor of the cosine.
+        pub direction_and_spot_scale: [f32; 4] = 16,
+        /// xyz linear colour times candela, w 1 where the light casts shadows, else 0.
+        pub color_and_shadow: [f32; 4] = 32,
+        /// Added to the scaled cosine.
+        pub spot_offset: f32 = 48,
+        /// Zero.
+        pub pad_52: u32 = 52,
+        /// Zero.
+        pub pad_56: u32 = 56,
+        /// Zero.
+        pub pad_60: u32 = 60,
+    }
+}
+
+gpu_record! {
     /// Set 0, binding 2. A texture reference is a 2D slot in the low 31 bits; bit 31 ([`TEXTURE_UV1`]) selects
     /// the second texture coordinates; [`NO_TEXTURE`] is "no texture": the factor alone counts.
     pub struct Material: 80 {
@@ -229,6 +251,45 @@ gpu_record! {
         pub alpha_mode: u32 = 72,
         /// Bits of the `MATERIAL_*` constants; a double-sided lit material holds 1.
         pub double_sided: u32 = 76,
+    }
+}
+
+gpu_record! {
+    /// What `KHR_materials_clearcoat`, `specular`, `ior` and `sheen` add to the material of the same index: set 0,
+    /// binding 12. Texture references as in [`Material`].
+    pub struct MaterialExtension: 80 {
+        /// Linear RGB, 0..=1; black is no sheen.
+        pub sheen_color: [f32; 3] = 0,
+        /// Perceptual, 0..=1.
+        pub sheen_roughness: f32 = 12,
+        /// Linear RGB; tints the dielectric's reflection at normal incidence.
+        pub specular_color: [f32; 3] = 16,
+        /// Strength of the dielectric's reflection, 0..=1.
+        pub specular_factor: f32 = 28,
+        /// Reflectance of the dielectric at normal incidence, `((ior - 1) / (ior + 1))^2`.
+        pub dielectric_f0: f32 = 32,
+        /// 0..=1; 0 is no coat.
+        pub clearcoat_factor: f32 = 36,
+        /// Perceptual, 0..=1.
+        pub clearcoat_roughness: f32 = 40,
+        /// Scales the x and y of the coat's normal map.
+        pub clearcoat_normal_scale: f32 = 44,
+        /// Texture reference, R.
+        pub clearcoat_tex: u32 = 48,
+        /// Texture reference, G.
+        pub clearcoat_roughness_tex: u32 = 52,
+        /// Texture reference, x and y; z is rebuilt.
+        pub clearcoat_normal_tex: u32 = 56,
+        /// Texture reference, A.
+        pub specular_tex: u32 = 60,
+        /// Texture reference, sRGB colour.
+        pub specular_color_tex: u32 = 64,
+        /// Texture reference, sRGB colour.
+        pub sheen_color_tex: u32 = 68,
+        /// Texture reference, A.
+        pub sheen_roughness_tex: u32 = 72,
+        /// Bits of the `LOBE_*` constants.
+        pub lobes: u32 = 76,
     }
 }
 
@@ -266,13 +327,18 @@ gpu_record! {
 }
 
 gpu_record! {
-    /// One texel of the environment's importance table: set 0, binding 6, behind the header.
+    /// One cell of the environment's importance table: set 0, binding 6, behind the header.
+    ///
+    /// Cells form an equirectangular grid in the panorama's orientation (see
+    /// [`crate::scene::Environment`]), row 0 at +Y. A cell is drawn with probability
+    /// `luminance * solid angle / total_luminance`; a direction within it uniformly in longitude and in
+    /// `y`, so that the density per steradian is `luminance / total_luminance`. The sun is not in the table.
     pub struct EnvAliasEntry: 12 {
         /// Probability of keeping this entry.
         pub prob: f32 = 0,
         /// Entry taken otherwise.
         pub alias_index: u32 = 4,
-        /// Rec. 709 luminance, without the solid-angle weight.
+        /// Mean Rec. 709 luminance of the cell's radiance, scale applied, without the solid-angle weight.
         pub luminance: f32 = 8,
     }
 }
@@ -280,7 +346,7 @@ gpu_record! {
 gpu_record! {
     /// Head of the environment's importance table.
     pub struct EnvAliasHeader: 16 {
-        /// Sum of luminance times solid-angle weight.
+        /// Sum of luminance times steradians; above 0.
         pub total_luminance: f32 = 0,
         /// `width * height`.
         pub entry_count: u32 = 4,
@@ -483,6 +549,12 @@ pub const TEXTURE_UV1: u32 = 1 << 31;
 pub const MATERIAL_DOUBLE_SIDED: u32 = 1;
 /// Bit of [`Material::double_sided`]: base colour is emitted as it is, without light.
 pub const MATERIAL_UNLIT: u32 = 2;
+/// Bit of [`MaterialExtension::lobes`]: there is a clear coat.
+pub const LOBE_CLEARCOAT: u32 = 1;
+/// Bit of [`MaterialExtension::lobes`]: the dielectric's reflection is not glTF's default.
+pub const LOBE_SPECULAR: u32 = 2;
+/// Bit of [`MaterialExtension::lobes`]: there is sheen.
+pub const LOBE_SHEEN: u32 = 4;
 /// `alpha_mode` of opaque materials.
 pub const ALPHA_OPAQUE: u32 = 0;
 /// `alpha_mode` of materials cut at a threshold.
@@ -506,6 +578,9 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("TEXTURE_UV1", TEXTURE_UV1),
     ("MATERIAL_DOUBLE_SIDED", MATERIAL_DOUBLE_SIDED),
     ("MATERIAL_UNLIT", MATERIAL_UNLIT),
+    ("LOBE_CLEARCOAT", LOBE_CLEARCOAT),
+    ("LOBE_SPECULAR", LOBE_SPECULAR),
+    ("LOBE_SHEEN", LOBE_SHEEN),
     ("ALPHA_OPAQUE", ALPHA_OPAQUE),
     ("ALPHA_MASK", ALPHA_MASK),
     ("ALPHA_BLEND", ALPHA_BLEND),
@@ -542,6 +617,8 @@ pub fn records() -> Vec<(&'static str, usize, &'static [Field])> {
         row::<MeshInstance>(),
         row::<TextureTransform>(),
         row::<VertexColor>(),
+        row::<PunctualLight>(),
+        row::<MaterialExtension>(),
     ]
 }
 
@@ -569,6 +646,30 @@ impl Default for Material {
             alpha_cutoff: 0.5,
             alpha_mode: ALPHA_OPAQUE,
             double_sided: 0,
+        }
+    }
+}
+
+impl Default for MaterialExtension {
+    /// No coat, no sheen, an index of refraction of 1.5.
+    fn default() -> Self {
+        Self {
+            sheen_color: [0.0; 3],
+            sheen_roughness: 0.0,
+            specular_color: [1.0; 3],
+            specular_factor: 1.0,
+            dielectric_f0: 0.04,
+            clearcoat_factor: 0.0,
+            clearcoat_roughness: 0.0,
+            clearcoat_normal_scale: 1.0,
+            clearcoat_tex: NO_TEXTURE,
+            clearcoat_roughness_tex: NO_TEXTURE,
+            clearcoat_normal_tex: NO_TEXTURE,
+            specular_tex: NO_TEXTURE,
+            specular_color_tex: NO_TEXTURE,
+            sheen_color_tex: NO_TEXTURE,
+            sheen_roughness_tex: NO_TEXTURE,
+            lobes: 0,
         }
     }
 }

@@ -298,6 +298,12 @@ impl Slot {
         if let Some(colors) = &scene.vertex_colors {
             set.write_buffer(10, colors)?;
         }
+        if let Some(lights) = &scene.punctual_lights {
+            set.write_buffer(11, lights)?;
+        }
+        if let Some(extensions) = &scene.material_extensions {
+            set.write_buffer(12, extensions)?;
+        }
         Ok(Self {
             uniform,
             visible,
@@ -390,12 +396,13 @@ fn fill_scene(uniform: &mut GlobalUniform, scene: &GpuScene) {
     uniform.skybox_cubemap_index = slot(environment.map(|slots| slots.sky));
     uniform.irradiance_cubemap_index = slot(environment.map(|slots| slots.irradiance));
     uniform.prefiltered_cubemap_index = slot(environment.map(|slots| slots.prefiltered));
+    uniform.ibl_intensity = environment.map_or(1.0, |slots| slots.scale);
     uniform.prefiltered_mip_count = environment.map_or(1, |slots| slots.prefiltered_levels);
 }
 
 fn fill_settings(uniform: &mut GlobalUniform, settings: &Settings) {
     uniform.camera_position_and_exposure[3] = settings.ev.exp2();
-    uniform.ibl_intensity = settings.ibl_intensity;
+    uniform.ibl_intensity *= settings.ibl_intensity;
     uniform.ibl_rotation_sin = settings.ibl_yaw.sin();
     uniform.ibl_rotation_cos = settings.ibl_yaw.cos();
     uniform.debug_render_mode = settings.debug_view;

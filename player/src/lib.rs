@@ -3,6 +3,7 @@
 pub mod args;
 pub mod camera;
 pub mod camera_file;
+pub mod cascade;
 pub mod draw;
 pub mod error;
 pub mod exr;
@@ -10,6 +11,7 @@ pub mod frame;
 pub mod gpu;
 pub mod graph;
 pub mod headless;
+pub mod lights;
 pub mod metrics;
 pub mod passes;
 pub mod png;

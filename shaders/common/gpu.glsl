@@ -7,6 +7,9 @@ const uint NO_TEXTURE = 0xffffffffu;
 const uint TEXTURE_UV1 = 0x80000000u;
 const uint MATERIAL_DOUBLE_SIDED = 0x1u;
 const uint MATERIAL_UNLIT = 0x2u;
+const uint LOBE_CLEARCOAT = 0x1u;
+const uint LOBE_SPECULAR = 0x2u;
+const uint LOBE_SHEEN = 0x4u;
 const uint ALPHA_OPAQUE = 0x0u;
 const uint ALPHA_MASK = 0x1u;
 const uint ALPHA_BLEND = 0x2u;
@@ -233,6 +236,37 @@ struct TextureTransform {
 struct VertexColor {
     uint red_green;
     uint blue_alpha;
+};
+
+// 64 bytes
+struct PunctualLight {
+    vec4 position_and_range;
+    vec4 direction_and_spot_scale;
+    vec4 color_and_shadow;
+    float spot_offset;
+    uint pad_52;
+    uint pad_56;
+    uint pad_60;
+};
+
+// 80 bytes
+struct MaterialExtension {
+    vec3 sheen_color;
+    float sheen_roughness;
+    vec3 specular_color;
+    float specular_factor;
+    float dielectric_f0;
+    float clearcoat_factor;
+    float clearcoat_roughness;
+    float clearcoat_normal_scale;
+    uint clearcoat_tex;
+    uint clearcoat_roughness_tex;
+    uint clearcoat_normal_tex;
+    uint specular_tex;
+    uint specular_color_tex;
+    uint sheen_color_tex;
+    uint sheen_roughness_tex;
+    uint lobes;
 };
 
 #endif

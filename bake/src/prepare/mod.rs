@@ -66,6 +66,8 @@ pub struct Prepared {
     pub emissive_triangles: Vec<gpu::EmissiveTriangle>,
     /// The directional ones of `lights`.
     pub directional_lights: Vec<gpu::DirectionalLight>,
+    /// The point and spot lights of `lights`.
+    pub punctual_lights: Vec<gpu::PunctualLight>,
     /// Every light of the scene.
     pub lights: Vec<scene::Light>,
     /// Every camera of the scene.
@@ -203,6 +205,7 @@ pub fn prepare(scene: &mut Scene, progress: &(dyn Fn(f32) + Sync)) -> Result<Pre
     }
     let lights = lights::lights(scene)?;
     let directional_lights = lights::directional(scene);
+    let punctual_lights = lights::punctual(scene);
     let cameras = lights::cameras(scene)?;
 
     let mut stats = geometry.stats;
@@ -210,6 +213,7 @@ pub fn prepare(scene: &mut Scene, progress: &(dyn Fn(f32) + Sync)) -> Result<Pre
     let mut set = |bit: u32, condition: bool| features |= if condition { bit } else { 0 };
     set(features::MIRRORED, placed.mirrored);
     set(features::DIRECTIONAL_LIGHTS, !directional_lights.is_empty());
+    set(features::PUNCTUAL_LIGHTS, !punctual_lights.is_empty());
     set(features::VERTEX_COLORS, !geometry.colors.is_empty());
     progress(1.0);
     Ok(Prepared {
@@ -231,6 +235,7 @@ pub fn prepare(scene: &mut Scene, progress: &(dyn Fn(f32) + Sync)) -> Result<Pre
         mesh_instances: placed.mesh_instances,
         emissive_triangles,
         directional_lights,
+        punctual_lights,
         lights,
         cameras,
         materials_used: geometry.materials,

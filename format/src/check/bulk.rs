@@ -48,6 +48,7 @@ pub(crate) fn bulk(package: &Package) -> Result<()> {
     instances(package.instances()?, 0, materials)?;
     mesh_instances(package.mesh_instances()?, package.scene())?;
     instance_bounds(package)?;
+    super::env_alias(package.section(SectionKind::EnvAlias)?)?;
     texture_transforms(package.texture_transforms()?)
 }
 

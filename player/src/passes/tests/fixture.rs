@@ -264,10 +264,17 @@ impl Fixture {
             } else {
                 add_chain(scene, texels, &self.prefiltered)
             };
+            let levels = scene.images[prefiltered as usize].levels.len();
             scene.environment = Some(Environment {
                 sky: cube,
                 irradiance: cube,
                 prefiltered,
+                prefiltered_roughness: (0..levels)
+                    .map(|level| level as f32 / (levels - 1).max(1) as f32)
+                    .collect(),
+                scale: 1.0,
+                sun: None,
+                irradiance_sh: [[0.0; 3]; 9],
                 source_width: 2,
                 source_height: 1,
                 replaced_texels: 0,
