@@ -172,10 +172,9 @@ fn f32_equals_f64_at_the_corners() {
     for (case, found) in cases.iter().zip(&found) {
         assert!(found.iter().all(|value| value.is_finite()), "{case:?}");
         let shading = rounded(case);
-        // What is left of a unit vector's length after rounding shifts a cosine of 1e-6 by a tenth; the GPU's own
-        // products do so too. Hence an absolute part, of the energy that such light carries.
         let expected = shading.without_sheen();
         let n_dot_l = shading.normal.dot(shading.light);
+        // Rounding also shifts small cosines: an absolute part, of the energy that such light carries.
         let scale = expected.abs().max_element().max(n_dot_l * 0.3) + 1e-6;
         let difference = DVec3::new(
             f64::from(found[0]) - expected.x,
@@ -183,7 +182,14 @@ fn f32_equals_f64_at_the_corners() {
             f64::from(found[2]) - expected.z,
         );
         let error = difference.abs().max_element() / scale;
-        assert!(error < 2e-3, "{error}: {found:?} {expected} of {shading:?}");
+        // The half vector turns by the input's rounding over |v + l|, and the lobe changes by that over alpha.
+        let alpha = shading.roughness.max(0.045).powi(2);
+        let turn = 1.2e-7 / (shading.view + shading.light).length();
+        let tolerance = 2e-4 + turn / alpha;
+        assert!(
+            error < tolerance,
+            "{error}: {found:?} {expected} of {shading:?}"
+        );
         let white = sheen(
             shading.normal,
             shading.view,
@@ -193,7 +199,7 @@ fn f32_equals_f64_at_the_corners() {
         // Half vectors of grazing pairs turn by 1e-4 with the rounding of their input.
         let sheen_error = (f64::from(found[3]) - white).abs() / white.max(0.05);
         assert!(sheen_error < 5e-3, "{found:?} {white} of {shading:?}");
-        worst = [worst[0].max(error), worst[1].max(sheen_error)];
+        worst = [worst[0].max(error / tolerance), worst[1].max(sheen_error)];
     }
     println!("{} cases, worst errors {worst:?}", cases.len());
     assert_eq!(gpu.close(), Vec::<String>::new());
