@@ -181,8 +181,9 @@ fn store_environment(
             .importance
             .map_or(Vec::new(), |table| table.to_bytes());
     }
-    if light.environment.is_some() || !prepared.lights.is_empty() {
-        light.brdf_lut = Some(sky::store_lut(texels));
+    let sheen = prepared.features & features::SHEEN != 0;
+    if light.environment.is_some() || !prepared.lights.is_empty() || sheen {
+        light.brdf_lut = Some(sky::store_lut(texels, sheen));
     }
     light
 }

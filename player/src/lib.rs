@@ -14,9 +14,11 @@ pub mod headless;
 pub mod lights;
 pub mod metrics;
 pub mod passes;
+pub mod plan;
 pub mod png;
 pub mod scene;
 pub mod settings;
+pub mod targets;
 #[cfg(feature = "window")]
 pub mod window;
 
