@@ -195,8 +195,9 @@ fn store_environment(
             .map_or(Vec::new(), |table| table.to_bytes());
     }
     let lights = !prepared.lights.is_empty() || !prepared.emissive_triangles.is_empty();
-    if light.environment.is_some() || lights {
-        light.brdf_lut = Some(sky::store_lut(texels));
+    let sheen = prepared.features & features::SHEEN != 0;
+    if light.environment.is_some() || lights || sheen {
+        light.brdf_lut = Some(sky::store_lut(texels, sheen));
     }
     light
 }
