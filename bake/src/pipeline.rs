@@ -10,7 +10,8 @@ use cairn_format::scene::{
 use cairn_format::{SectionKind, Writer, features};
 
 use crate::diagnostic::{BakeError, Result};
-use crate::encode::{EncodeOptions, Kernels, Quality};
+use crate::encode::{EncodeOptions, Kernels, Quality, SkyFormat};
+use crate::environment::EnvironmentOptions;
 use crate::import::{EnvironmentImage, import, load_environment};
 use crate::materials::{self, Plan};
 use crate::prepare::{Prepared, StepTime, prepare};
@@ -18,7 +19,7 @@ use crate::progress::Progress;
 use crate::report::{Row, Section, Stage, Summary};
 use crate::scene::{Origin, Sampler, Scene, Source, Wrap};
 use crate::textures::{self, Texels};
-use crate::{sky, write};
+use crate::{emitters, sky, write};
 
 /// What to bake, and how.
 #[derive(Clone, Debug)]
@@ -27,6 +28,10 @@ pub struct Options {
     pub environment: Option<PathBuf>,
     pub output: PathBuf,
     pub texture_quality: Quality,
+    /// Sizes, sun and error bound of image-based light.
+    pub light: EnvironmentOptions,
+    /// Storage of the sky and of the prefiltered cube.
+    pub sky_format: SkyFormat,
     /// Largest number of texels of one image.
     pub limit_pixels: u64,
 }
@@ -49,7 +54,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         .transpose()?;
     clock.lap("import");
 
-    let prepared = prepare(&mut scene, &|fraction| {
+    let mut prepared = prepare(&mut scene, &|fraction| {
         progress.update("geometry", fraction)
     })?;
     let geometry_seconds = clock.lap("geometry");
@@ -75,7 +80,22 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     drop(encoded);
     clock.lap("textures");
 
-    let light = store_environment(&mut texels, environment.as_mut(), &prepared, progress);
+    emitters::weigh(
+        &scene,
+        &prepared.materials_used,
+        &mut prepared.emissive_triangles,
+        options.limit_pixels,
+    )?;
+    let emissive_table = emitters::table(&prepared.emissive_triangles);
+    clock.lap("emitters");
+
+    let light = store_environment(
+        options,
+        &mut texels,
+        environment.as_mut(),
+        &prepared,
+        progress,
+    );
     clock.lap("environment");
 
     progress.update("write", 0.0);
@@ -91,7 +111,11 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     let root = assemble(options, products);
     let bounds =
         [&prepared.instance_bounds, &prepared.cluster_bounds].map(|boxes| to_arrays(boxes));
-    let writer = sections(&prepared, &plan, &bounds, &texels, &light);
+    let mut writer = sections(&prepared, &plan, &bounds, &texels, &light);
+    writer.bytes(
+        SectionKind::EmissiveAlias,
+        bytemuck::cast_slice::<_, u8>(&emissive_table),
+    );
     let (package_bytes, content_hash) = write::write(&options.output, &writer, &root)?;
     clock.lap("write");
     progress.update("write", 1.0);
@@ -166,6 +190,7 @@ struct StoredLight {
 }
 
 fn store_environment(
+    options: &Options,
     texels: &mut Texels,
     image: Option<&mut EnvironmentImage>,
     prepared: &Prepared,
@@ -173,16 +198,18 @@ fn store_environment(
 ) -> StoredLight {
     let mut light = StoredLight::default();
     if let Some(image) = image {
-        let products = sky::bake(image, &|stage, fraction| {
+        let products = sky::bake(image, &options.light, &|stage, fraction| {
             progress.update(&format!("environment: {stage}"), fraction);
         });
-        light.environment = Some(sky::store(texels, image, &products));
+        light.environment = Some(sky::store(texels, image, &products, options.sky_format));
         light.alias = products
             .importance
             .map_or(Vec::new(), |table| table.to_bytes());
     }
-    if light.environment.is_some() || !prepared.lights.is_empty() {
-        light.brdf_lut = Some(sky::store_lut(texels));
+    let lights = !prepared.lights.is_empty() || !prepared.emissive_triangles.is_empty();
+    let sheen = prepared.features & features::SHEEN != 0;
+    if light.environment.is_some() || lights || sheen {
+        light.brdf_lut = Some(sky::store_lut(texels, sheen));
     }
     light
 }
@@ -342,7 +369,19 @@ fn provenance(
         settings: vec![setting(
             "texture-quality",
             format!("{:?}", options.texture_quality).to_lowercase(),
-        )],
+        )]
+        .into_iter()
+        .chain(environment.into_iter().flat_map(|_| {
+            [
+                setting(
+                    "sky-format",
+                    format!("{:?}", options.sky_format).to_lowercase(),
+                ),
+                setting("sun", format!("{:?}", options.light.sun).to_lowercase()),
+                setting("ibl-error", options.light.error.to_string()),
+            ]
+        }))
+        .collect(),
         sources,
     }
 }

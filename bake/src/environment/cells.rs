@@ -5,7 +5,9 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::cubemap::{Cube, downsample, energy, face_solid_angles, texel_direction, to_f32, to_f64};
+use super::cubemap::{
+    Cube, downsample, energy, face_solid_angles, texel_direction, to_f32, to_f64,
+};
 
 /// One level of the pyramid; vectors are indexed like a cube level, face-major.
 pub(super) struct CellLevel {
@@ -110,7 +112,11 @@ fn level(
         .map(|(&radiance, moment)| {
             let centre = moment.area.normalize();
             let light: f32 = radiance.iter().sum();
-            let reach = if light > mean { (mean / light).sqrt().sqrt() } else { 1.0 };
+            let reach = if light > mean {
+                (mean / light).sqrt().sqrt()
+            } else {
+                1.0
+            };
             Cell {
                 reach: reach.max(LEAST_REACH),
                 radiance,

@@ -12,6 +12,7 @@ mod prefilter;
 mod quadrature;
 mod range;
 mod resample;
+mod sheen;
 mod sun;
 #[cfg(test)]
 mod tests;
@@ -103,6 +104,8 @@ pub struct EnvironmentProducts {
     pub irradiance_sh: [[f32; 3]; 9],
     /// `None` where the sky is black.
     pub importance: Option<ImportanceTable>,
+    /// The bound that was asked for.
+    pub error_bound: f64,
     /// Texels of all levels above [`HALF_MAX`], which [`level_to_rgba16f`] clamps.
     pub clamped_texels: u64,
     pub reports: Vec<StageReport>,
@@ -167,6 +170,7 @@ pub fn bake_environment(
         prefiltered,
         irradiance_sh,
         importance,
+        error_bound: options.error,
         clamped_texels,
         reports: baker.reports,
     }

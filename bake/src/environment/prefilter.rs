@@ -90,16 +90,23 @@ pub(super) fn choose_cut(pyramid: &[CellLevel], size: u32, alpha: f64, bound: f6
             list.gather(pyramid, &[direction], alpha, cut);
             to_f64(list.integrate(direction.as_vec3(), alpha as f32))
         };
-        probes.par_iter().map_init(CellList::default, value).collect()
+        probes
+            .par_iter()
+            .map_init(CellList::default, value)
+            .collect()
     };
     let truth = values(FINEST_CUT);
     let scale: f64 = truth.iter().map(|value| value.length_squared()).sum();
     let fits = |cut: f64| {
         let pairs = values(cut).into_iter().zip(&truth);
-        let error: f64 = pairs.map(|(value, truth)| (value - *truth).length_squared()).sum();
+        let error: f64 = pairs
+            .map(|(value, truth)| (value - *truth).length_squared())
+            .sum();
         error <= scale * (SAFETY * bound) * (SAFETY * bound)
     };
-    CUTS.into_iter().find(|&cut| fits(cut)).unwrap_or(FINEST_CUT)
+    CUTS.into_iter()
+        .find(|&cut| fits(cut))
+        .unwrap_or(FINEST_CUT)
 }
 
 /// A cut through the pyramid, structure of arrays, padded with empty cells to whole lanes.
@@ -138,7 +145,9 @@ impl CellList {
                 continue;
             }
             let scale = (nearest.max(0.0) * nearest.max(0.0) + 4.0 * alpha * alpha).sqrt();
-            if depth + 1 == pyramid.len() || side <= largest.min(cut * scale) * f64::from(level.cells[index].reach) {
+            if depth + 1 == pyramid.len()
+                || side <= largest.min(cut * scale) * f64::from(level.cells[index].reach)
+            {
                 self.push(level, index);
             } else {
                 let side = level.size as usize;

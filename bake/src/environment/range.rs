@@ -11,7 +11,12 @@ const LEAST_MEDIAN: f32 = 1.0 / 4096.0;
 ///
 /// What is still above is clamped where it is stored, and counted.
 pub(super) fn normalize(input: &mut Equirect) -> f32 {
-    let largest = input.texels.as_flattened().iter().copied().fold(0.0, f32::max);
+    let largest = input
+        .texels
+        .as_flattened()
+        .iter()
+        .copied()
+        .fold(0.0, f32::max);
     if largest <= HALF_MAX {
         return 1.0;
     }
@@ -41,7 +46,10 @@ mod tests {
         Equirect {
             width: values.len() as u32,
             height: 1,
-            texels: values.iter().map(|&value| [value, 0.5 * value, 0.0]).collect(),
+            texels: values
+                .iter()
+                .map(|&value| [value, 0.5 * value, 0.0])
+                .collect(),
         }
     }
 

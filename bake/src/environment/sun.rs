@@ -136,7 +136,11 @@ impl Map<'_> {
         let longitude = ((index % width) as f64 + 0.5) / width as f64 * TAU - PI;
         let y = self.rows.y_within(index / width, 0.5);
         let radius = (1.0 - y * y).max(0.0).sqrt();
-        DVec3::new(radius * libm::cos(longitude), y, radius * libm::sin(longitude))
+        DVec3::new(
+            radius * libm::cos(longitude),
+            y,
+            radius * libm::sin(longitude),
+        )
     }
 
     /// Texels connected to `peak` that are brighter than `least`; `None` where they are too many for a sun.

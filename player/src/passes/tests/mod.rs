@@ -1,9 +1,11 @@
 //! Renders packages of a few triangles and compares pixels with what theory says.
 
+mod corners;
 mod fixture;
 mod furnace;
 mod lighting;
 mod output;
+mod prepass;
 mod renderer;
 mod sky;
 mod surfaces;
@@ -22,12 +24,16 @@ use crate::headless::{HeadlessImage, HeadlessOptions, render_on};
 use crate::settings::{Settings, Tonemap};
 use fixture::Fixture;
 
-/// Linear output of the full image.
+/// Linear output of the full image, of surfaces and lights alone.
 fn plain() -> Settings {
-    Settings {
+    let mut settings = Settings {
         tonemap: Tonemap::Linear,
         ..Settings::default()
-    }
+    };
+    settings.shadow.enabled = false;
+    settings.ao.enabled = false;
+    settings.contact.enabled = false;
+    settings
 }
 
 fn options(size: [u32; 2], camera: Camera, settings: Settings) -> HeadlessOptions {
