@@ -1,6 +1,6 @@
 //! The frame: the ordered list of passes, and the per-frame data that they read.
 
-use cairn_format::gpu::{ALPHA_BLEND, ALPHA_MASK, GlobalUniform, NO_TEXTURE};
+use cairn_format::gpu::{GlobalUniform, NO_TEXTURE};
 use cairn_format::{Frustum, Package, SectionKind};
 use glam::Mat4;
 
@@ -9,41 +9,30 @@ use crate::camera::Camera;
 use crate::draw::{DrawList, DrawStats};
 use crate::gpu::{
     Buffer, BufferDesc, Commands, DescriptorSet, FRAMES_IN_FLIGHT, FrameTarget, Gpu, GpuResult,
-    Layouts, Memory, Sampler, SamplerDesc, SetIndex, vk,
+    Layouts, Memory, SetIndex, vk,
 };
-use crate::graph::{Graph, Handle, Stage, Target, Usage};
-use crate::passes::forward::Forward;
-use crate::passes::skybox::Skybox;
-use crate::passes::tonemap::Tonemap;
-use crate::passes::transparent::Transparent;
-use crate::passes::{DEPTH_FORMAT, HDR_FORMAT, Variant};
+use crate::graph::{Graph, Stage, Usage, Uses};
+use crate::passes::Passes;
+use crate::passes::depth::DepthImages;
+use crate::passes::{resolve_color, resolve_surface};
+use crate::plan::Plan;
 use crate::scene::GpuScene;
 use crate::settings::Settings;
+use crate::targets::Targets;
 
 /// Draws packages into images of one format and size.
 pub struct Renderer {
     gpu: Gpu,
     layouts: Layouts,
-    variant: Variant,
-    passes: Passes,
+    target_format: vk::Format,
+    plan: Plan,
     graph: Graph,
-    hdr: Handle,
-    depth: Handle,
-    target: Handle,
-    nearest: Sampler,
-    targets: DescriptorSet,
+    targets: Targets,
+    passes: Passes,
     slots: Vec<Slot>,
     draws: DrawList,
     previous_view_projection: Option<Mat4>,
     frame_index: u32,
-}
-
-/// The passes of this package; what it does not need is absent.
-struct Passes {
-    forward: Forward,
-    skybox: Option<Skybox>,
-    transparent: Option<Transparent>,
-    tonemap: Tonemap,
 }
 
 /// What the CPU writes while the GPU still reads the other slot.
@@ -66,32 +55,23 @@ impl Renderer {
         extent: [u32; 2],
         settings: &Settings,
     ) -> Result<Self, PlayerError> {
-        let variant = variant(scene, package, settings)?;
+        let plan = Plan::new(gpu, scene, package, settings)?;
+        let layouts = &scene.layouts;
         let mut graph = Graph::new(extent);
-        let color_usage = vk::ImageUsageFlags::COLOR_ATTACHMENT
-            | vk::ImageUsageFlags::SAMPLED
-            | vk::ImageUsageFlags::TRANSFER_SRC;
-        let depth_usage = vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT;
-        let hdr = graph.image(gpu, Target::new("hdr", HDR_FORMAT, color_usage))?;
-        let depth = graph.image(gpu, Target::new("depth", DEPTH_FORMAT, depth_usage))?;
-        let target = graph.imported("target");
-        let nearest = Sampler::new(gpu, "nearest clamp", &SamplerDesc::NEAREST_CLAMP)?;
+        let targets = Targets::new(gpu, layouts, &mut graph, &plan)?;
         let capacity = visible_capacity(package)?;
         let slots: GpuResult<Vec<Slot>> = (0..FRAMES_IN_FLIGHT)
             .map(|_| Slot::new(gpu, scene, capacity))
             .collect();
         Ok(Self {
-            passes: Passes::new(gpu, &scene.layouts, &variant, target_format)?,
-            targets: targets_set(&scene.layouts, &graph, hdr, &nearest)?,
+            passes: Passes::new(gpu, layouts, &graph, &targets, &plan, target_format)?,
             slots: slots?,
             gpu: gpu.clone(),
-            layouts: scene.layouts.clone(),
-            variant,
+            layouts: layouts.clone(),
+            target_format,
+            plan,
             graph,
-            hdr,
-            depth,
-            target,
-            nearest,
+            targets,
             draws: DrawList::default(),
             previous_view_projection: None,
             frame_index: 0,
@@ -104,7 +84,9 @@ impl Renderer {
     /// Failures of Vulkan.
     pub fn resize(&mut self, gpu: &Gpu, extent: [u32; 2]) -> Result<(), PlayerError> {
         self.graph.resize(gpu, extent)?;
-        self.targets = targets_set(&self.layouts, &self.graph, self.hdr, &self.nearest)?;
+        self.targets.write(&self.layouts, &self.graph)?;
+        self.passes
+            .rebind(&self.layouts, &self.graph, &self.targets)?;
         Ok(())
     }
 
@@ -121,39 +103,74 @@ impl Renderer {
         settings: &Settings,
         target: FrameTarget<'_>,
     ) -> Result<(), PlayerError> {
-        self.follow_settings(settings)?;
-        self.update(commands.slot(), scene, package, camera, settings)?;
-        let slot = &self.slots[commands.slot()];
-        bind(commands, scene, slot, &self.targets);
-
-        let (passes, draws) = (&self.passes, &self.draws);
-        let (hdr, depth, output) = (self.hdr, self.depth, self.target);
+        self.follow_settings(scene, package, settings)?;
         self.graph.advance();
-        let mut frame = self.graph.begin(commands, Some((output, target)));
+        self.update(commands.slot(), scene, package, camera, settings)?;
+        let (parity, extent) = (self.graph.parity(), self.graph.extent());
+        let slot = &self.slots[commands.slot()];
+        bind(commands, scene, slot, self.targets.set(parity));
 
-        let uses = [(hdr, Usage::ColorClear), (depth, Usage::DepthClear)];
+        let (passes, draws, targets) = (&self.passes, &self.draws, &self.targets);
+        let layouts = &self.layouts;
+        let drawn = targets.drawn;
+        let (opaque, masked) = (&draws.opaque, &draws.masked);
+        let mut frame = self.graph.begin(commands, Some((targets.output, target)));
+
+        if let Some(depth) = &passes.depth {
+            let mut uses = Uses::of(&[(drawn.depth, Usage::DepthClear)]);
+            for surface in drawn.surface.iter() {
+                uses.push(surface.normal, Usage::ColorClear);
+                uses.push(surface.roughness, Usage::ColorClear);
+            }
+            frame.pass(c"depth", &uses, |commands, images| {
+                let surface = drawn.surface;
+                let images = DepthImages {
+                    depth: images.get(drawn.depth),
+                    surface: surface
+                        .map(|surface| [images.get(surface.normal), images.get(surface.roughness)]),
+                };
+                depth.record(commands, images, opaque, masked);
+            });
+        }
+        if let Some(resolve) = &passes.resolve_surface {
+            let uses = resolve_surface::uses(targets);
+            frame.pass(c"resolve surface", &uses, |commands, _| {
+                resolve.record(commands, layouts, parity, extent);
+            });
+        }
+        let depth_use = match passes.depth {
+            Some(_) => Usage::Depth,
+            None => Usage::DepthClear,
+        };
+        let uses = [(drawn.hdr, Usage::ColorClear), (drawn.depth, depth_use)];
         frame.pass(c"forward", &uses, |commands, images| {
-            let (hdr, depth) = (images.get(hdr), images.get(depth));
-            let (opaque, masked) = (&draws.opaque, &draws.masked);
+            let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
             passes.forward.record(commands, hdr, depth, opaque, masked);
         });
-        let uses = [(hdr, Usage::Color), (depth, Usage::Depth)];
-        if let Some(skybox) = passes.skybox.as_ref().filter(|_| settings.skybox) {
+        let uses = [(drawn.hdr, Usage::Color), (drawn.depth, Usage::Depth)];
+        if let Some(skybox) = &passes.skybox {
             frame.pass(c"skybox", &uses, |commands, images| {
-                skybox.record(commands, images.get(hdr), images.get(depth));
+                skybox.record(commands, images.get(drawn.hdr), images.get(drawn.depth));
             });
         }
         if let Some(transparent) = &passes.transparent {
             frame.pass(c"transparent", &uses, |commands, images| {
-                transparent.record(commands, images.get(hdr), images.get(depth), &draws.blend);
+                let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
+                transparent.record(commands, hdr, depth, &draws.blend);
+            });
+        }
+        if let Some(resolve) = &passes.resolve_color {
+            let uses = resolve_color::uses(targets);
+            frame.pass(c"resolve color", &uses, |commands, _| {
+                resolve.record(commands, layouts, parity, extent);
             });
         }
         let uses = [
-            (hdr, Usage::Sampled(Stage::Fragment)),
-            (output, Usage::ColorClear),
+            (targets.hdr, Usage::Sampled(Stage::Fragment)),
+            (targets.output, Usage::ColorClear),
         ];
         frame.pass(c"tonemap", &uses, |commands, images| {
-            let (layouts, output) = (&scene.layouts, images.get(output));
+            let output = images.get(targets.output);
             passes
                 .tonemap
                 .record(commands, layouts, output, settings.tonemap);
@@ -164,7 +181,7 @@ impl Renderer {
 
     /// Copies the HDR image that the last `record` drew: rows of RGBA half floats.
     pub fn copy_hdr(&mut self, commands: &mut Commands, buffer: &Buffer) {
-        let hdr = self.hdr;
+        let hdr = self.targets.hdr;
         let mut frame = self.graph.begin(commands, None);
         frame.pass(
             c"copy hdr",
@@ -175,9 +192,9 @@ impl Renderer {
         );
     }
 
-    /// What is compiled into the pipelines.
-    pub fn variant(&self) -> &Variant {
-        &self.variant
+    /// What the frame consists of.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
     }
 
     /// What the last `record` drew.
@@ -185,13 +202,22 @@ impl Renderer {
         self.draws.stats()
     }
 
-    /// Rebuilds pipelines where a setting is compiled into them.
-    fn follow_settings(&mut self, settings: &Settings) -> GpuResult<()> {
-        if self.variant.brdf != settings.brdf {
-            self.variant.brdf = settings.brdf;
-            self.passes
-                .rebuild_surfaces(&self.gpu, &self.layouts, &self.variant)?;
+    /// Rebuilds passes and targets where the settings ask for other ones.
+    fn follow_settings(
+        &mut self,
+        scene: &GpuScene,
+        package: &Package,
+        settings: &Settings,
+    ) -> Result<(), PlayerError> {
+        let plan = Plan::new(&self.gpu, scene, package, settings)?;
+        if plan == self.plan {
+            return Ok(());
         }
+        let mut graph = Graph::new(self.graph.extent());
+        let (gpu, layouts) = (&self.gpu, &self.layouts);
+        let targets = Targets::new(gpu, layouts, &mut graph, &plan)?;
+        self.passes = Passes::new(gpu, layouts, &graph, &targets, &plan, self.target_format)?;
+        (self.graph, self.targets, self.plan) = (graph, targets, plan);
         Ok(())
     }
 
@@ -230,41 +256,6 @@ impl Renderer {
         slot.visible.write(0, &self.draws.visible)?;
         Ok(())
     }
-}
-
-impl Passes {
-    fn new(
-        gpu: &Gpu,
-        layouts: &Layouts,
-        variant: &Variant,
-        target_format: vk::Format,
-    ) -> GpuResult<Self> {
-        let skybox = variant.environment.then(|| Skybox::new(gpu, layouts));
-        Ok(Self {
-            forward: Forward::new(gpu, layouts, variant)?,
-            skybox: skybox.transpose()?,
-            transparent: transparent(gpu, layouts, variant)?,
-            tonemap: Tonemap::new(gpu, layouts, target_format)?,
-        })
-    }
-
-    fn rebuild_surfaces(
-        &mut self,
-        gpu: &Gpu,
-        layouts: &Layouts,
-        variant: &Variant,
-    ) -> GpuResult<()> {
-        self.forward = Forward::new(gpu, layouts, variant)?;
-        self.transparent = transparent(gpu, layouts, variant)?;
-        Ok(())
-    }
-}
-
-fn transparent(gpu: &Gpu, layouts: &Layouts, variant: &Variant) -> GpuResult<Option<Transparent>> {
-    let pass = variant
-        .blended
-        .then(|| Transparent::new(gpu, layouts, variant));
-    pass.transpose()
 }
 
 impl Slot {
@@ -312,45 +303,19 @@ impl Slot {
     }
 }
 
-fn targets_set(
-    layouts: &Layouts,
-    graph: &Graph,
-    hdr: Handle,
-    sampler: &Sampler,
-) -> GpuResult<DescriptorSet> {
-    let mut set = layouts.allocate(SetIndex::Targets, "targets")?;
-    set.write_image(0, 0, graph.owned(hdr), sampler);
-    Ok(set)
-}
-
 fn bind(commands: &mut Commands, scene: &GpuScene, slot: &Slot, targets: &DescriptorSet) {
     let sets = [&slot.set, &scene.bindless, targets];
-    commands.bind_sets(&scene.layouts, vk::PipelineBindPoint::GRAPHICS, &sets);
+    for point in [
+        vk::PipelineBindPoint::GRAPHICS,
+        vk::PipelineBindPoint::COMPUTE,
+    ] {
+        commands.bind_sets(&scene.layouts, point, &sets);
+    }
     if let (Some(vertices), Some(indices)) = (&scene.vertices, &scene.indices) {
         commands.bind_vertex_buffer(0, vertices, 0);
         commands.bind_vertex_buffer(1, &slot.visible, 0);
         commands.bind_index_buffer(indices);
     }
-}
-
-/// The choices come from the draw groups, not from the feature bits that the bake wrote beside them.
-fn variant(
-    scene: &GpuScene,
-    package: &Package,
-    settings: &Settings,
-) -> Result<Variant, PlayerError> {
-    let groups = package.draw_groups()?;
-    let has = |mode: u32| groups.iter().any(|group| group.alpha_mode == mode);
-    Ok(Variant {
-        masked: has(ALPHA_MASK),
-        blended: has(ALPHA_BLEND),
-        environment: scene.environment.is_some(),
-        brdf_lut: scene.brdf_lut_slot.is_some(),
-        lights: scene.light_count > 0,
-        brdf: settings.brdf,
-        vertex_colors: scene.vertex_colors.is_some(),
-        texture_transforms: scene.texture_transforms.is_some(),
-    })
 }
 
 /// Most instances that a view can show. Each belongs to one group, so a sum above the number of instances would

@@ -61,6 +61,47 @@ impl Target {
     }
 }
 
+/// What a pass touches: a list without an allocation.
+#[derive(Clone, Copy)]
+pub struct Uses {
+    list: [(Handle, Usage); MAX_USES],
+    length: usize,
+}
+
+impl Uses {
+    /// A copy of a slice.
+    ///
+    /// # Panics
+    /// As [`Uses::push`].
+    pub fn of(uses: &[(Handle, Usage)]) -> Self {
+        let mut list = Self {
+            list: [(Handle(0), Usage::ColorClear); MAX_USES],
+            length: 0,
+        };
+        for (handle, usage) in uses {
+            list.push(*handle, *usage);
+        }
+        list
+    }
+
+    /// Adds one.
+    ///
+    /// # Panics
+    /// Where there are `MAX_USES` already.
+    pub fn push(&mut self, handle: Handle, usage: Usage) {
+        self.list[self.length] = (handle, usage);
+        self.length += 1;
+    }
+}
+
+impl std::ops::Deref for Uses {
+    type Target = [(Handle, Usage)];
+
+    fn deref(&self) -> &[(Handle, Usage)] {
+        &self.list[..self.length]
+    }
+}
+
 /// What a handle stands for.
 enum Node {
     /// An image that the graph owns and sizes.

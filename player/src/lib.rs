@@ -12,9 +12,11 @@ pub mod graph;
 pub mod headless;
 pub mod lights;
 pub mod passes;
+pub mod plan;
 pub mod png;
 pub mod scene;
 pub mod settings;
+pub mod targets;
 #[cfg(feature = "window")]
 pub mod window;
 

@@ -56,6 +56,18 @@ choice! {
 }
 
 choice! {
+    /// Whether depth is drawn before surfaces are shaded.
+    pub enum Prepass {
+        /// Where a pass reads depth or normals before surfaces are shaded.
+        Auto = "auto",
+        /// Always.
+        On = "on",
+        /// Only where a pass could not work without.
+        Off = "off",
+    }
+}
+
+choice! {
     /// Which directional lights shine.
     pub enum LightSource {
         /// Those of the scene; without them the environment's sun; without an environment the fallback light.
@@ -227,6 +239,8 @@ group! {
         debug_view: u32 = 0, Integer(0, 12);
         /// Samples per pixel.
         msaa: u32 = 1, OneOf(&[1, 2, 4, 8]);
+        /// Depth before shading.
+        prepass: Prepass = Prepass::Auto, Choice(Prepass::CHOICES);
         + light: LightSettings;
         + shadow: ShadowSettings;
         + ao: AoSettings;

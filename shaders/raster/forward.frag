@@ -4,7 +4,7 @@
 #include "brdf.glsl"
 #include "environment.glsl"
 #include "finite.glsl"
-#include "material.glsl"
+#include "normal.glsl"
 
 layout(location = 0) in vec3 in_position;
 layout(location = 1) in vec3 in_normal;
@@ -21,43 +21,14 @@ struct Light {
     vec3 specular;
 };
 
-// Squared length below which an interpolated vector has no direction.
-const float DEGENERATE = 1e-12;
-
-vec3 view_direction() {
-    if (global.projection[3][3] == 0.0) {
-        return normalize(global.camera_position_and_exposure.xyz - in_position);
-    }
-    return normalize(global.inv_view[2].xyz);
-}
-
-// World normal: the vertex's, bent by the normal map, turned to the side that is seen.
-vec3 shading_normal(Material material, TexCoords coords, vec3 view) {
-    // Derivatives come first, in uniform control flow.
-    vec3 facet = cross(dFdx(in_position), dFdy(in_position));
-    vec3 mapped = sample_normal(material, coords);
-    bool has_tangent = dot(in_tangent, in_tangent) > DEGENERATE;
-    if (dot(in_normal, in_normal) <= DEGENERATE) {
-        float length2 = dot(facet, facet);
-        vec3 flat_normal = length2 > 0.0 ? facet * inversesqrt(length2) : view;
-        return dot(flat_normal, view) < 0.0 ? -flat_normal : flat_normal;
-    }
-    vec3 normal = in_normal;
-    if (material.normal_tex != NO_TEXTURE && has_tangent) {
-        vec3 bitangent = in_handedness * cross(in_normal, in_tangent);
-        normal = mapped.x * in_tangent + mapped.y * bitangent + mapped.z * in_normal;
-        normal = dot(normal, normal) > DEGENERATE ? normal : in_normal;
-    }
-    return gl_FrontFacing ? normalize(normal) : -normalize(normal);
-}
-
 Surface surface(Material material, TexCoords coords, vec3 base_color) {
     vec2 texel = sample_texture(material.metallic_roughness_tex, coords, vec4(1.0)).gb;
     float metallic = clamp(texel.y * material.metallic_factor, 0.0, 1.0);
     Surface s;
     s.metallic = metallic;
-    s.view = view_direction();
-    s.normal = shading_normal(material, coords, s.view);
+    s.view = view_direction(in_position);
+    Frame frame = Frame(in_position, in_normal, in_tangent, in_handedness);
+    s.normal = shading_normal(material, coords, frame, s.view, gl_FrontFacing);
     s.roughness = clamp(texel.x * material.roughness_factor, 0.0, 1.0);
     s.n_dot_v = clamp(dot(s.normal, s.view), MIN_NDOTV, 1.0);
     s.diffuse = base_color * (1.0 - metallic);

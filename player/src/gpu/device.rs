@@ -10,6 +10,7 @@ use gpu_allocator::{AllocationError, AllocationSizes, AllocatorDebugSettings};
 use super::command::Commands;
 use super::error::{GpuError, GpuResult};
 use super::frame_sync::CommandMemory;
+use super::image::attachment_samples;
 use super::instance::Instance;
 use super::queue::{Submission, Timeline};
 use super::select::{Candidate, Presents, select};
@@ -85,6 +86,13 @@ impl Gpu {
     /// Limits of the device.
     pub fn limits(&self) -> &vk::PhysicalDeviceLimits {
         &self.shared.limits
+    }
+
+    /// The most samples per pixel that the device's targets can have, up to `wanted`.
+    pub fn samples(&self, wanted: u32) -> u32 {
+        let counts = attachment_samples(&self.shared);
+        let usable = [8, 4, 2].into_iter().filter(|count| counts & count != 0);
+        usable.filter(|count| *count <= wanted).max().unwrap_or(1)
     }
 
     /// Everything the validation layer reported so far; empty is clean.

@@ -1,36 +1,37 @@
 //! Opaque surfaces, then those cut by alpha, with depth.
 
-use super::{Alpha, Variant, cover, front_face, issue, surface_pipeline};
+use super::{Alpha, FAR_DEPTH, bucket, surface_pipeline};
 use crate::draw::Draw;
 use crate::gpu::{
     ColorAttachment, Commands, DepthAttachment, Gpu, GpuResult, GraphicsPipeline, ImageRef,
-    Layouts, Load, vk,
+    Layouts, Load,
 };
+use crate::plan::Plan;
 
 /// Behind everything where no sky is drawn.
 const BACKGROUND: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
-/// Infinity in reverse-Z.
-const FAR_DEPTH: f32 = 0.0;
 
 /// The pass's pipelines.
 pub struct Forward {
     opaque: GraphicsPipeline,
+    /// Absent behind a prepass too, which has cut already.
     masked: Option<GraphicsPipeline>,
+    prepass: bool,
 }
 
 impl Forward {
     /// Builds what the package needs: without masked groups there is no pipeline that discards.
-    pub fn new(gpu: &Gpu, layouts: &Layouts, variant: &Variant) -> GpuResult<Self> {
-        let masked = variant
-            .masked
-            .then(|| surface_pipeline(gpu, layouts, variant, Alpha::Cut));
+    pub fn new(gpu: &Gpu, layouts: &Layouts, plan: &Plan) -> GpuResult<Self> {
+        let cuts = plan.variant.masked && !plan.prepass;
+        let masked = cuts.then(|| surface_pipeline(gpu, layouts, plan, Alpha::Cut));
         Ok(Self {
-            opaque: surface_pipeline(gpu, layouts, variant, Alpha::Ignored)?,
+            opaque: surface_pipeline(gpu, layouts, plan, Alpha::Ignored)?,
             masked: masked.transpose()?,
+            prepass: plan.prepass,
         })
     }
 
-    /// Clears both targets and draws. Sets and vertex buffers are bound.
+    /// Clears colour, and depth where no prepass drew it, and draws. Sets and vertex buffers are bound.
     pub fn record(
         &self,
         commands: &mut Commands,
@@ -47,36 +48,17 @@ impl Forward {
         };
         let depth = DepthAttachment {
             image: depth,
-            load: Load::Clear(FAR_DEPTH),
+            load: if self.prepass {
+                Load::Keep
+            } else {
+                Load::Clear(FAR_DEPTH)
+            },
             store: true,
         };
         commands.begin_rendering(extent, &[color], Some(depth));
         bucket(commands, extent, &self.opaque, opaque);
-        if let Some(pipeline) = &self.masked {
-            bucket(commands, extent, pipeline, masked);
-        }
+        let pipeline = self.masked.as_ref().unwrap_or(&self.opaque);
+        bucket(commands, extent, pipeline, masked);
         commands.end_rendering();
-    }
-}
-
-/// Draws in the package's order, changing state only where it differs from the draw before.
-fn bucket(commands: &mut Commands, extent: [u32; 2], pipeline: &GraphicsPipeline, draws: &[Draw]) {
-    let mut last = None;
-    for draw in draws {
-        if last.is_none() {
-            commands.bind_graphics(pipeline);
-            cover(commands, extent, true);
-        }
-        let state = (draw.double_sided, draw.mirrored);
-        if last != Some(state) {
-            commands.set_cull_mode(if draw.double_sided {
-                vk::CullModeFlags::NONE
-            } else {
-                vk::CullModeFlags::BACK
-            });
-            commands.set_front_face(front_face(draw));
-            last = Some(state);
-        }
-        issue(commands, draw);
     }
 }

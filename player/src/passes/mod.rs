@@ -1,6 +1,10 @@
 //! The passes of a frame, one file each.
 
+pub mod compute;
+pub mod depth;
 pub mod forward;
+pub mod resolve_color;
+pub mod resolve_surface;
 pub mod skybox;
 pub mod tonemap;
 pub mod transparent;
@@ -13,12 +17,22 @@ use crate::gpu::{
     Blend, ColorTarget, Commands, DepthState, Gpu, GpuResult, GraphicsPipeline,
     GraphicsPipelineDesc, Layouts, Shader, VertexInput, vk,
 };
+use crate::graph::Graph;
+use crate::plan::Plan;
 use crate::settings::Brdf;
+use crate::targets::Targets;
 
 /// Linear radiance before exposure.
 pub const HDR_FORMAT: vk::Format = vk::Format::R16G16B16A16_SFLOAT;
 /// Reverse-Z: 1 at the near plane, 0 at infinity.
 pub const DEPTH_FORMAT: vk::Format = vk::Format::D32_SFLOAT;
+
+/// World normal `n * 0.5 + 0.5`.
+pub const NORMAL_FORMAT: vk::Format = vk::Format::A2B10G10R10_UNORM_PACK32;
+/// Perceptual roughness.
+pub const ROUGHNESS_FORMAT: vk::Format = vk::Format::R8_UNORM;
+/// Infinity in reverse-Z.
+const FAR_DEPTH: f32 = 0.0;
 
 /// What a package has, and how it is shaded: the choices that are compiled into pipelines.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +53,71 @@ pub struct Variant {
     pub vertex_colors: bool,
     /// Textures have transforms.
     pub texture_transforms: bool,
+}
+
+/// The passes of a plan; what it does not need is absent.
+pub struct Passes {
+    pub depth: Option<depth::Depth>,
+    pub resolve_surface: Option<compute::ComputePass>,
+    pub forward: forward::Forward,
+    pub skybox: Option<skybox::Skybox>,
+    pub transparent: Option<transparent::Transparent>,
+    pub resolve_color: Option<compute::ComputePass>,
+    pub tonemap: tonemap::Tonemap,
+}
+
+impl Passes {
+    /// Compiles the pipelines.
+    ///
+    /// # Errors
+    /// Failures of Vulkan.
+    pub fn new(
+        gpu: &Gpu,
+        layouts: &Layouts,
+        graph: &Graph,
+        targets: &Targets,
+        plan: &Plan,
+        target_format: vk::Format,
+    ) -> GpuResult<Self> {
+        let resolved = plan.samples > 1;
+        let depth = plan.prepass.then(|| depth::Depth::new(gpu, layouts, plan));
+        let resolve_surface = (resolved && plan.normals)
+            .then(|| resolve_surface::new(gpu, layouts, graph, targets, plan));
+        let skybox = plan
+            .skybox
+            .then(|| skybox::Skybox::new(gpu, layouts, plan.samples));
+        let blended = plan.variant.blended;
+        let transparent = blended.then(|| transparent::Transparent::new(gpu, layouts, plan));
+        let resolve_color =
+            resolved.then(|| resolve_color::new(gpu, layouts, graph, targets, plan));
+        Ok(Self {
+            depth: depth.transpose()?,
+            resolve_surface: resolve_surface.transpose()?,
+            forward: forward::Forward::new(gpu, layouts, plan)?,
+            skybox: skybox.transpose()?,
+            transparent: transparent.transpose()?,
+            resolve_color: resolve_color.transpose()?,
+            tonemap: tonemap::Tonemap::new(gpu, layouts, target_format)?,
+        })
+    }
+
+    /// Follows images that were replaced by ones of another size.
+    ///
+    /// # Errors
+    /// Failures of Vulkan.
+    pub fn rebind(&mut self, layouts: &Layouts, graph: &Graph, targets: &Targets) -> GpuResult<()> {
+        if let Some(pass) = &mut self.resolve_surface {
+            pass.rebind(layouts, |set, parity| {
+                resolve_surface::write(set, parity, graph, targets);
+            })?;
+        }
+        if let Some(pass) = &mut self.resolve_color {
+            pass.rebind(layouts, |set, parity| {
+                resolve_color::write(set, parity, graph, targets);
+            })?;
+        }
+        Ok(())
+    }
 }
 
 /// How a fragment's alpha is used.
@@ -66,20 +145,26 @@ impl Variant {
     }
 }
 
-/// A pipeline of the scene's surfaces: depth is always tested, and written where nothing blends; blended colour is
+/// A pipeline of the scene's surfaces. Behind a prepass, only what has the prepass's depth is shaded, so that cut
+/// surfaces need no second test; without one, depth is tested and written. Blended colour is
 /// `src * a + dst * (1 - a)`, glTF's "over".
 fn surface_pipeline(
     gpu: &Gpu,
     layouts: &Layouts,
-    variant: &Variant,
+    plan: &Plan,
     alpha: Alpha,
 ) -> GpuResult<GraphicsPipeline> {
-    let (name, blend, writes_depth) = match alpha {
-        Alpha::Ignored => ("forward opaque", Blend::None, true),
-        Alpha::Cut => ("forward masked", Blend::None, true),
-        Alpha::Blended => ("transparent", Blend::Alpha, false),
+    let (name, blend) = match alpha {
+        Alpha::Ignored => ("forward opaque", Blend::None),
+        Alpha::Cut => ("forward masked", Blend::None),
+        Alpha::Blended => ("transparent", Blend::Alpha),
     };
-    let constants = variant.constants(alpha);
+    let depth = match alpha {
+        Alpha::Blended => depth_state(vk::CompareOp::GREATER, false),
+        _ if plan.prepass => depth_state(vk::CompareOp::EQUAL, false),
+        _ => depth_state(vk::CompareOp::GREATER, true),
+    };
+    let constants = plan.variant.constants(alpha);
     let shader = |spirv| Shader {
         spirv,
         constants: &constants,
@@ -90,8 +175,8 @@ fn surface_pipeline(
         fragment: Some(shader(cairn_shaders::FORWARD_FRAG.spirv)),
         input: VertexInput::Scene,
         colors: &[hdr_target(blend)],
-        depth: Some(depth_state(vk::CompareOp::GREATER, writes_depth)),
-        samples: 1,
+        depth: Some(depth),
+        samples: plan.samples,
         depth_bias: false,
     };
     GraphicsPipeline::new(gpu, layouts, &desc)
@@ -130,6 +215,28 @@ fn front_face(draw: &Draw) -> vk::FrontFace {
         vk::FrontFace::CLOCKWISE
     } else {
         vk::FrontFace::COUNTER_CLOCKWISE
+    }
+}
+
+/// Draws in the list's order, changing state only where it differs from the draw before.
+fn bucket(commands: &mut Commands, extent: [u32; 2], pipeline: &GraphicsPipeline, draws: &[Draw]) {
+    let mut last = None;
+    for draw in draws {
+        if last.is_none() {
+            commands.bind_graphics(pipeline);
+            cover(commands, extent, true);
+        }
+        let state = (draw.double_sided, draw.mirrored);
+        if last != Some(state) {
+            commands.set_cull_mode(if draw.double_sided {
+                vk::CullModeFlags::NONE
+            } else {
+                vk::CullModeFlags::BACK
+            });
+            commands.set_front_face(front_face(draw));
+            last = Some(state);
+        }
+        issue(commands, draw);
     }
 }
 

@@ -13,7 +13,7 @@ pub struct Skybox {
 
 impl Skybox {
     /// Passes where depth is still infinitely far: the triangle lies at 0.
-    pub fn new(gpu: &Gpu, layouts: &Layouts) -> GpuResult<Self> {
+    pub fn new(gpu: &Gpu, layouts: &Layouts, samples: u32) -> GpuResult<Self> {
         let desc = GraphicsPipelineDesc {
             name: "skybox",
             vertex: Shader {
@@ -27,7 +27,7 @@ impl Skybox {
             input: VertexInput::None,
             colors: &[hdr_target(Blend::None)],
             depth: Some(depth_state(vk::CompareOp::GREATER_OR_EQUAL, false)),
-            samples: 1,
+            samples,
             depth_bias: false,
         };
         Ok(Self {

@@ -1,11 +1,12 @@
 //! Blended surfaces over everything else, back to front.
 
-use super::{Alpha, Variant, cover, front_face, issue, surface_pipeline};
+use super::{Alpha, cover, front_face, issue, surface_pipeline};
 use crate::draw::Draw;
 use crate::gpu::{
     ColorAttachment, Commands, DepthAttachment, Gpu, GpuResult, GraphicsPipeline, ImageRef,
     Layouts, Load, vk,
 };
+use crate::plan::Plan;
 
 /// The pass's pipeline.
 pub struct Transparent {
@@ -14,9 +15,9 @@ pub struct Transparent {
 
 impl Transparent {
     /// Builds the pipeline.
-    pub fn new(gpu: &Gpu, layouts: &Layouts, variant: &Variant) -> GpuResult<Self> {
+    pub fn new(gpu: &Gpu, layouts: &Layouts, plan: &Plan) -> GpuResult<Self> {
         Ok(Self {
-            pipeline: surface_pipeline(gpu, layouts, variant, Alpha::Blended)?,
+            pipeline: surface_pipeline(gpu, layouts, plan, Alpha::Blended)?,
         })
     }
 

@@ -4,6 +4,7 @@ mod fixture;
 mod furnace;
 mod lighting;
 mod output;
+mod prepass;
 mod renderer;
 mod sky;
 mod surfaces;
@@ -22,12 +23,16 @@ use crate::headless::{HeadlessImage, HeadlessOptions, render_on};
 use crate::settings::{Settings, Tonemap};
 use fixture::Fixture;
 
-/// Linear output of the full image.
+/// Linear output of the full image, of surfaces and lights alone.
 fn plain() -> Settings {
-    Settings {
+    let mut settings = Settings {
         tonemap: Tonemap::Linear,
         ..Settings::default()
-    }
+    };
+    settings.shadow.enabled = false;
+    settings.ao.enabled = false;
+    settings.contact.enabled = false;
+    settings
 }
 
 fn options(size: [u32; 2], camera: Camera, settings: Settings) -> HeadlessOptions {

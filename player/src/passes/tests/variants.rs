@@ -57,7 +57,7 @@ fn variant(gpu: &Gpu, fixture: &Fixture) -> Variant {
     let scene = GpuScene::upload(gpu, &package).expect("uploads");
     let format = vk::Format::R8G8B8A8_SRGB;
     let renderer = Renderer::new(gpu, &scene, &package, format, SIZE, &plain());
-    let variant = *renderer.expect("builds").variant();
+    let variant = renderer.expect("builds").plan().variant;
     assert_eq!(scene.vertex_colors.is_some(), variant.vertex_colors);
     assert_eq!(
         scene.texture_transforms.is_some(),

@@ -1,0 +1,72 @@
+//! What a frame consists of: the passes and images that a package and the settings ask for.
+
+use cairn_format::Package;
+use cairn_format::gpu::{ALPHA_BLEND, ALPHA_MASK};
+
+use crate::PlayerError;
+use crate::gpu::Gpu;
+use crate::passes::Variant;
+use crate::scene::GpuScene;
+use crate::settings::{Prepass, Settings};
+
+/// The choices that pipelines and images depend on. A renderer is rebuilt where its plan changes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plan {
+    /// What is compiled into the surface pipelines.
+    pub variant: Variant,
+    /// Samples per pixel; what was asked for, or the most that the device has below it.
+    pub samples: u32,
+    /// Whether depth is drawn before anything is shaded.
+    pub prepass: bool,
+    /// Whether the prepass also writes normals and roughness, because a pass reads them.
+    pub normals: bool,
+    /// Ground-truth ambient occlusion.
+    pub ao: bool,
+    /// Contact shadows.
+    pub contact: bool,
+    /// The sky behind the scene.
+    pub skybox: bool,
+}
+
+impl Plan {
+    /// The choices come from the draw groups, not from the feature bits that the bake wrote beside them.
+    ///
+    /// # Errors
+    /// A damaged package.
+    pub fn new(
+        gpu: &Gpu,
+        scene: &GpuScene,
+        package: &Package,
+        settings: &Settings,
+    ) -> Result<Self, PlayerError> {
+        let groups = package.draw_groups()?;
+        let has = |mode: u32| groups.iter().any(|group| group.alpha_mode == mode);
+        let variant = Variant {
+            masked: has(ALPHA_MASK),
+            blended: has(ALPHA_BLEND),
+            environment: scene.environment.is_some(),
+            brdf_lut: scene.brdf_lut_slot.is_some(),
+            lights: scene.light_count > 0,
+            brdf: settings.brdf,
+            vertex_colors: scene.vertex_colors.is_some(),
+            texture_transforms: scene.texture_transforms.is_some(),
+        };
+        let drawn = !groups.is_empty();
+        let ao = drawn && settings.ao.enabled;
+        let contact = drawn && settings.contact.enabled && variant.lights;
+        let normals = ao || contact;
+        Ok(Self {
+            variant,
+            samples: gpu.samples(settings.msaa),
+            prepass: match settings.prepass {
+                Prepass::Auto => normals,
+                Prepass::On => true,
+                Prepass::Off => normals,
+            },
+            normals,
+            ao,
+            contact,
+            skybox: variant.environment && settings.skybox,
+        })
+    }
+}

@@ -1,0 +1,161 @@
+//! The images of a frame, and set 2, through which shaders read them.
+
+use crate::gpu::vk::{Format, ImageUsageFlags};
+use crate::gpu::{DescriptorSet, Gpu, GpuResult, Layouts, Sampler, SamplerDesc, SetIndex};
+use crate::graph::{Graph, Handle, Pair, Target};
+use crate::passes::{DEPTH_FORMAT, HDR_FORMAT, NORMAL_FORMAT, ROUGHNESS_FORMAT};
+use crate::plan::Plan;
+
+/// Depth of one sample per pixel where the depth image itself has several.
+const RESOLVED_DEPTH_FORMAT: Format = Format::R32_SFLOAT;
+
+/// Handles of a frame's images. With one sample per pixel, what is drawn to is what is read.
+pub struct Targets {
+    /// What is shown.
+    pub output: Handle,
+    /// Linear radiance, one sample.
+    pub hdr: Handle,
+    /// Depth in reverse-Z, one sample: of each pixel's nearest one. The last frame's is kept.
+    pub depth: Pair,
+    /// World normal `n * 0.5 + 0.5` and roughness of the sample that `depth` has; where a pass reads them.
+    pub surface: Option<Surface>,
+    /// What surfaces are drawn to.
+    pub drawn: Drawn,
+    /// The nearest texel, and between texels.
+    pub samplers: Samplers,
+    sets: [DescriptorSet; 2],
+}
+
+/// Images of the visible surfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Surface {
+    pub normal: Handle,
+    pub roughness: Handle,
+}
+
+/// Attachments, with the plan's samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Drawn {
+    pub hdr: Handle,
+    pub depth: Handle,
+    pub surface: Option<Surface>,
+}
+
+/// Samplers of the frame's images, clamped to the edge.
+pub struct Samplers {
+    pub nearest: Sampler,
+    pub linear: Sampler,
+}
+
+impl Targets {
+    /// Adds the images of a plan to the graph.
+    ///
+    /// # Errors
+    /// Failures of Vulkan.
+    pub fn new(gpu: &Gpu, layouts: &Layouts, graph: &mut Graph, plan: &Plan) -> GpuResult<Self> {
+        let resolved = plan.samples > 1;
+        let storage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE;
+        let color = ImageUsageFlags::COLOR_ATTACHMENT;
+        let hdr_usage = storage | color | ImageUsageFlags::TRANSFER_SRC;
+        let hdr = graph.image(gpu, Target::new("hdr", HDR_FORMAT, hdr_usage))?;
+        let depth = graph.pair(gpu, depth_target(plan))?;
+        let surface = plan
+            .normals
+            .then(|| add_surface(gpu, graph, ["normal", "roughness"], storage | color, 1));
+        let surface = surface.transpose()?;
+        let drawn = if resolved {
+            add_multisampled(gpu, graph, plan)?
+        } else {
+            Drawn {
+                hdr,
+                depth: depth.current,
+                surface,
+            }
+        };
+        let samplers = Samplers {
+            nearest: Sampler::new(gpu, "nearest clamp", &SamplerDesc::NEAREST_CLAMP)?,
+            linear: Sampler::new(gpu, "linear clamp", &SamplerDesc::LINEAR_CLAMP)?,
+        };
+        let set = || layouts.allocate(SetIndex::Targets, "targets");
+        let mut targets = Self {
+            output: graph.imported("output"),
+            hdr,
+            depth,
+            surface,
+            drawn,
+            samplers,
+            sets: [set()?, set()?],
+        };
+        targets.write(layouts, graph)?;
+        Ok(targets)
+    }
+
+    /// Set 2 of frames of this parity.
+    pub fn set(&self, parity: usize) -> &DescriptorSet {
+        &self.sets[parity % 2]
+    }
+
+    /// Makes set 2 anew, after images were replaced.
+    ///
+    /// # Errors
+    /// Failures of Vulkan.
+    pub fn write(&mut self, layouts: &Layouts, graph: &Graph) -> GpuResult<()> {
+        for parity in 0..2 {
+            let mut set = layouts.allocate(SetIndex::Targets, "targets")?;
+            let nearest = &self.samplers.nearest;
+            set.write_image(0, 0, graph.owned_at(self.hdr, parity), nearest);
+            set.write_image(1, 0, graph.owned_at(self.depth.current, parity), nearest);
+            if let Some(surface) = self.surface {
+                set.write_image(2, 0, graph.owned_at(surface.normal, parity), nearest);
+            }
+            self.sets[parity] = set;
+        }
+        Ok(())
+    }
+}
+
+/// With one sample, depth is drawn and read in the same image.
+fn depth_target(plan: &Plan) -> Target {
+    let sampled = ImageUsageFlags::SAMPLED;
+    if plan.samples > 1 {
+        let usage = sampled | ImageUsageFlags::STORAGE;
+        return Target::new("depth", RESOLVED_DEPTH_FORMAT, usage);
+    }
+    let usage = sampled | ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT;
+    Target::new("depth", DEPTH_FORMAT, usage)
+}
+
+fn add_surface(
+    gpu: &Gpu,
+    graph: &mut Graph,
+    [normal, roughness]: [&'static str; 2],
+    usage: ImageUsageFlags,
+    samples: u32,
+) -> GpuResult<Surface> {
+    let mut add = |name, format| {
+        let target = Target::new(name, format, usage);
+        graph.image(gpu, Target { samples, ..target })
+    };
+    Ok(Surface {
+        normal: add(normal, NORMAL_FORMAT)?,
+        roughness: add(roughness, ROUGHNESS_FORMAT)?,
+    })
+}
+
+fn add_multisampled(gpu: &Gpu, graph: &mut Graph, plan: &Plan) -> GpuResult<Drawn> {
+    let samples = plan.samples;
+    let sampled = ImageUsageFlags::SAMPLED;
+    let color = sampled | ImageUsageFlags::COLOR_ATTACHMENT;
+    let depth = sampled | ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT;
+    let hdr = Target::new("hdr samples", HDR_FORMAT, color);
+    let depth = Target::new("depth samples", DEPTH_FORMAT, depth);
+    let names = ["normal samples", "roughness samples"];
+    let surface = plan
+        .normals
+        .then(|| add_surface(gpu, graph, names, color, samples));
+    Ok(Drawn {
+        surface: surface.transpose()?,
+        hdr: graph.image(gpu, Target { samples, ..hdr })?,
+        depth: graph.image(gpu, Target { samples, ..depth })?,
+    })
+}
