@@ -192,6 +192,7 @@ impl Output {
                 levels: 1,
                 layers: 1,
                 cube: false,
+                array: false,
                 samples: 1,
                 usage: vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC,
             },

@@ -38,6 +38,7 @@ impl Stage<'_> {
                 levels: 1,
                 layers: 1,
                 cube: false,
+                array: false,
                 samples: 1,
                 usage: vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::SAMPLED,
             },
