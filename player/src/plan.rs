@@ -1,13 +1,13 @@
 //! What a frame consists of: the passes and images that a package and the settings ask for.
 
 use cairn_format::Package;
-use cairn_format::gpu::{ALPHA_BLEND, ALPHA_MASK};
+use cairn_format::gpu::{ALPHA_BLEND, ALPHA_MASK, LOBE_CLEARCOAT, LOBE_SHEEN, LOBE_SPECULAR};
 
 use crate::PlayerError;
 use crate::gpu::Gpu;
 use crate::passes::Variant;
 use crate::scene::GpuScene;
-use crate::settings::{Prepass, Settings};
+use crate::settings::{LightSource, Prepass, Settings};
 
 /// The choices that pipelines and images depend on. A renderer is rebuilt where its plan changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,6 +41,8 @@ impl Plan {
     ) -> Result<Self, PlayerError> {
         let groups = package.draw_groups()?;
         let has = |mode: u32| groups.iter().any(|group| group.alpha_mode == mode);
+        let extensions = package.material_extensions()?;
+        let has_lobe = |bit: u32| extensions.iter().any(|lobes| lobes.lobes & bit != 0);
         let variant = Variant {
             masked: has(ALPHA_MASK),
             blended: has(ALPHA_BLEND),
@@ -50,6 +52,14 @@ impl Plan {
             brdf: settings.brdf,
             vertex_colors: scene.vertex_colors.is_some(),
             texture_transforms: scene.texture_transforms.is_some(),
+            clearcoat: has_lobe(LOBE_CLEARCOAT),
+            specular: has_lobe(LOBE_SPECULAR),
+            sheen: has_lobe(LOBE_SHEEN) && scene.brdf_lut_slot.is_some(),
+            punctual_lights: match settings.light.source {
+                LightSource::Auto | LightSource::Scene => scene.punctual_light_count,
+                LightSource::Sun | LightSource::Fallback | LightSource::None => 0,
+            },
+            debug_view: settings.debug_view != 0,
         };
         let drawn = !groups.is_empty();
         let ao = drawn && settings.ao.enabled;

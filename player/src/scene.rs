@@ -290,7 +290,9 @@ fn materials(copy: &mut Copy<'_>, package: &Package) -> Result<Buffer, PlayerErr
 fn lights(copy: &mut Copy<'_>, package: &Package) -> Result<(Buffer, u32), PlayerError> {
     let records = package.directional_lights()?;
     let fallback = [fallback_light()];
-    let unlit = records.is_empty() && package.scene().environment.is_none();
+    let unlit = records.is_empty()
+        && package.punctual_lights()?.is_empty()
+        && package.scene().environment.is_none();
     let records = if unlit { &fallback[..] } else { records };
     let kind = SectionKind::DirectionalLights;
     let buffer = copy.storage(kind, bytemuck::cast_slice(records), |bytes, offset| {

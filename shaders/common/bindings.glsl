@@ -29,7 +29,7 @@ layout(set = 0, binding = 10, scalar) readonly buffer VertexColorBuffer {
     VertexColor vertex_colors[];
 };
 
-// Bound where HAS_PUNCTUAL_LIGHTS.
+// Bound where the package has point or spot lights.
 layout(set = 0, binding = 11, scalar) readonly buffer PunctualLightBuffer {
     PunctualLight punctual_lights[];
 };

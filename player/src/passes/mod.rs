@@ -53,6 +53,16 @@ pub struct Variant {
     pub vertex_colors: bool,
     /// Textures have transforms.
     pub texture_transforms: bool,
+    /// Some material has a clear coat.
+    pub clearcoat: bool,
+    /// The reflection of some dielectric is not glTF's default.
+    pub specular: bool,
+    /// Some material has sheen.
+    pub sheen: bool,
+    /// Point and spot lights that shine.
+    pub punctual_lights: u32,
+    /// A debug view is drawn.
+    pub debug_view: bool,
 }
 
 /// The passes of a plan; what it does not need is absent.
@@ -130,7 +140,7 @@ enum Alpha {
 
 impl Variant {
     /// Specialisation constants of `forward.vert` and `forward.frag`: see `options.glsl`.
-    fn constants(&self, alpha: Alpha) -> [(u32, u32); 8] {
+    fn constants(&self, alpha: Alpha) -> [(u32, u32); 13] {
         let values = [
             alpha == Alpha::Cut,
             alpha == Alpha::Blended,
@@ -140,8 +150,14 @@ impl Variant {
             self.brdf == Brdf::Energy,
             self.vertex_colors,
             self.texture_transforms,
-        ];
-        std::array::from_fn(|id| (id as u32, u32::from(values[id])))
+            self.clearcoat,
+            self.specular,
+            self.sheen,
+        ]
+        .map(u32::from);
+        let counts = [self.punctual_lights, u32::from(self.debug_view)];
+        let mut values = values.into_iter().chain(counts);
+        std::array::from_fn(|id| (id as u32, values.next().unwrap_or_default()))
     }
 }
 

@@ -60,17 +60,24 @@ impl Shading {
         let n_dot_v = self.normal.dot(self.view).clamp(1e-4, 1.0);
         let alpha = self.roughness.max(0.045).powi(2);
         let h = (self.view + self.light).normalize();
-        let f0 = DVec3::splat(0.04).lerp(self.base, self.metallic);
-        let fresnel = f0 + (1.0 - f0) * (1.0 - self.view.dot(h)).powi(5);
+        let weight = (1.0 - self.view.dot(h)).powi(5);
         let lobe = distribution(self.normal.dot(h), alpha) * visibility(n_dot_v, n_dot_l, alpha);
-        let diffuse = self.base * (1.0 - self.metallic) / PI;
-        if !energy {
-            return ((1.0 - fresnel) * diffuse + lobe * fresnel) * n_dot_l;
-        }
         let [a, b, _] = table(n_dot_v, self.roughness);
-        let compensation = 1.0 + f0 * (1.0 / (a + b) - 1.0);
-        let albedo = (f0 * a + b) * compensation;
-        ((1.0 - albedo) * diffuse + lobe * fresnel * compensation) * n_dot_l
+        // The lobe of one Fresnel term, and its albedo.
+        let specular = |f0: DVec3| {
+            let fresnel = f0 + (1.0 - f0) * weight;
+            let gain = if energy {
+                1.0 + f0 * (1.0 / (a + b) - 1.0)
+            } else {
+                DVec3::ONE
+            };
+            (lobe * fresnel * gain, (f0 * a + b) * gain, fresnel)
+        };
+        let (metal, ..) = specular(self.base);
+        let (coat, albedo, fresnel) = specular(DVec3::splat(0.04));
+        let passed = 1.0 - if energy { albedo } else { fresnel };
+        let dielectric = coat + passed * self.base / PI;
+        dielectric.lerp(metal, self.metallic) * n_dot_l
     }
 }
 
