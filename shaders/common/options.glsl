@@ -25,5 +25,10 @@ layout(constant_id = 10) const bool HAS_SHEEN = false;
 layout(constant_id = 11) const uint PUNCTUAL_LIGHTS = 0;
 // A debug view is drawn; without, none of its code is there.
 layout(constant_id = 12) const bool DEBUG_VIEW = false;
+// Filter of the shadow map: one of the SHADOWS_* numbers.
+const uint SHADOWS_NONE = 0;
+const uint SHADOWS_PCF = 1;
+const uint SHADOWS_PCSS = 2;
+layout(constant_id = 13) const uint SHADOWS = SHADOWS_NONE;
 
 #endif

@@ -7,17 +7,12 @@
 
 #include "bindings.glsl"
 #include "constants.glsl"
+#include "options.glsl"
 
 // Compares by GREATER_OR_EQUAL with linear filtering; outside of the map all is lit.
 layout(set = 2, binding = 5) uniform sampler2DArrayShadow shadow_map;
 // The same image, unfiltered.
 layout(set = 2, binding = 6) uniform sampler2DArray shadow_depth;
-
-const uint SHADOWS_NONE = 0;
-const uint SHADOWS_PCF = 1;
-const uint SHADOWS_PCSS = 2;
-// How this pipeline filters shadows.
-layout(constant_id = 16) const uint SHADOWS = SHADOWS_NONE;
 
 // Tangent of the angle to the light up to which a kernel follows the receiver's plane. Steeper, it would reach under
 // what stands on the plane and leak light; the rest is made up by a longer normal offset.

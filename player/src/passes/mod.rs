@@ -5,6 +5,7 @@ pub mod depth;
 pub mod forward;
 pub mod resolve_color;
 pub mod resolve_surface;
+pub mod shadow;
 pub mod skybox;
 pub mod tonemap;
 pub mod transparent;
@@ -19,7 +20,7 @@ use crate::gpu::{
 };
 use crate::graph::Graph;
 use crate::plan::Plan;
-use crate::settings::Brdf;
+use crate::settings::{Brdf, ShadowFilter};
 use crate::targets::Targets;
 
 /// Linear radiance before exposure.
@@ -63,10 +64,13 @@ pub struct Variant {
     pub punctual_lights: u32,
     /// A debug view is drawn.
     pub debug_view: bool,
+    /// Filter of the shadow map; absent without one.
+    pub shadows: Option<ShadowFilter>,
 }
 
 /// The passes of a plan; what it does not need is absent.
 pub struct Passes {
+    pub shadow: Option<shadow::Shadow>,
     pub depth: Option<depth::Depth>,
     pub resolve_surface: Option<compute::ComputePass>,
     pub forward: forward::Forward,
@@ -90,6 +94,7 @@ impl Passes {
         target_format: vk::Format,
     ) -> GpuResult<Self> {
         let resolved = plan.samples > 1;
+        let shadow = plan.shadow.map(|_| shadow::Shadow::new(gpu, layouts, plan));
         let depth = plan.prepass.then(|| depth::Depth::new(gpu, layouts, plan));
         let resolve_surface = (resolved && plan.normals)
             .then(|| resolve_surface::new(gpu, layouts, graph, targets, plan));
@@ -101,6 +106,7 @@ impl Passes {
         let resolve_color =
             resolved.then(|| resolve_color::new(gpu, layouts, graph, targets, plan));
         Ok(Self {
+            shadow: shadow.transpose()?,
             depth: depth.transpose()?,
             resolve_surface: resolve_surface.transpose()?,
             forward: forward::Forward::new(gpu, layouts, plan)?,
@@ -140,7 +146,7 @@ enum Alpha {
 
 impl Variant {
     /// Specialisation constants of `forward.vert` and `forward.frag`: see `options.glsl`.
-    fn constants(&self, alpha: Alpha) -> [(u32, u32); 13] {
+    fn constants(&self, alpha: Alpha) -> [(u32, u32); 14] {
         let values = [
             alpha == Alpha::Cut,
             alpha == Alpha::Blended,
@@ -155,7 +161,12 @@ impl Variant {
             self.sheen,
         ]
         .map(u32::from);
-        let counts = [self.punctual_lights, u32::from(self.debug_view)];
+        let shadows = match self.shadows {
+            None => 0,
+            Some(ShadowFilter::Pcf) => 1,
+            Some(ShadowFilter::Pcss) => 2,
+        };
+        let counts = [self.punctual_lights, u32::from(self.debug_view), shadows];
         let mut values = values.into_iter().chain(counts);
         std::array::from_fn(|id| (id as u32, values.next().unwrap_or_default()))
     }
