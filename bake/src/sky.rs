@@ -75,8 +75,8 @@ pub fn store(
 }
 
 /// Appends the BRDF table; returns its image index.
-pub fn store_lut(texels: &mut Texels) -> u32 {
-    let halves: Vec<u8> = brdf_lut(LUT_SIZE)
+pub fn store_lut(texels: &mut Texels, sheen: bool) -> u32 {
+    let halves: Vec<u8> = brdf_lut(LUT_SIZE, sheen)
         .iter()
         .flatten()
         .flat_map(|value| half::f16::from_f32(*value).to_le_bytes())

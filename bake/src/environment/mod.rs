@@ -11,6 +11,7 @@ mod irradiance;
 mod prefilter;
 mod quadrature;
 mod resample;
+mod sheen;
 #[cfg(test)]
 mod tests;
 mod verify;
