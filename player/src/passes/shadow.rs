@@ -20,7 +20,7 @@ use crate::plan::Plan;
 use crate::settings::ShadowSettings;
 
 /// Texels by which the slope bias moves a caster at most.
-const MAX_BIAS: f32 = 8.0;
+const MAX_BIAS: f32 = 4.0;
 
 /// The pass's pipelines.
 pub struct Shadow {
@@ -229,7 +229,7 @@ fn pipeline(
         },
         vertex: shader(cairn_shaders::SHADOW_VERT.spirv),
         fragment: (alpha == Alpha::Cut).then(|| shader(cairn_shaders::SHADOW_FRAG.spirv)),
-        input: VertexInput::Scene,
+        input: VertexInput::Casters,
         colors: &[],
         depth: Some(depth_state(vk::CompareOp::GREATER, true)),
         samples: 1,

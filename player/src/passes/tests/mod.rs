@@ -7,6 +7,7 @@ mod lighting;
 mod output;
 mod prepass;
 mod renderer;
+mod shadows;
 mod sky;
 mod surfaces;
 mod texture_transforms;
