@@ -6,6 +6,7 @@ mod furnace;
 mod lighting;
 mod output;
 mod prepass;
+mod punctual;
 mod renderer;
 mod sky;
 mod surfaces;
