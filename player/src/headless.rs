@@ -239,7 +239,7 @@ fn readback(gpu: &Gpu, name: &str, size: u64) -> GpuResult<Buffer> {
 }
 
 /// IEEE 754 binary16 to binary32, exact.
-fn from_half(bits: u16) -> f32 {
+pub(crate) fn from_half(bits: u16) -> f32 {
     let sign = u32::from(bits >> 15) << 31;
     let (exponent, mantissa) = (u32::from(bits >> 10 & 31), u32::from(bits & 1023));
     match exponent {
