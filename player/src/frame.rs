@@ -11,7 +11,7 @@ use crate::gpu::{
     Buffer, BufferDesc, Commands, DescriptorSet, FRAMES_IN_FLIGHT, FrameTarget, Gpu, GpuResult,
     Layouts, Memory, SetIndex, vk,
 };
-use crate::graph::{Graph, Stage, Usage, Uses};
+use crate::graph::{Graph, Usage, Uses};
 use crate::passes::Passes;
 use crate::passes::depth::DepthImages;
 use crate::passes::{resolve_color, resolve_surface};
@@ -43,7 +43,7 @@ struct Slot {
 }
 
 impl Renderer {
-    /// Builds passes and targets. `target_format` is the sRGB format of the images that `record` gets.
+    /// Builds passes and targets. `target_format` is that of the images that `record` gets: see [`crate::passes::tonemap`].
     ///
     /// # Errors
     /// [`PlayerError::Input`] where draw groups share instances; failures of Vulkan.
@@ -110,6 +110,9 @@ impl Renderer {
         let slot = &self.slots[commands.slot()];
         bind(commands, scene, slot, self.targets.set(parity));
 
+        self.passes
+            .tonemap
+            .bind_target(&self.layouts, target.image)?;
         let (passes, draws, targets) = (&self.passes, &self.draws, &self.targets);
         let layouts = &self.layouts;
         let drawn = targets.drawn;
@@ -165,10 +168,8 @@ impl Renderer {
                 resolve.record(commands, layouts, parity, extent);
             });
         }
-        let uses = [
-            (targets.hdr, Usage::Sampled(Stage::Fragment)),
-            (targets.output, Usage::ColorClear),
-        ];
+        let [read, write] = passes.tonemap.usages();
+        let uses = [(targets.hdr, read), (targets.output, write)];
         frame.pass(c"tonemap", &uses, |commands, images| {
             let output = images.get(targets.output);
             passes

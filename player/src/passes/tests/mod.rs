@@ -11,6 +11,7 @@ mod renderer;
 mod sky;
 mod surfaces;
 mod texture_transforms;
+mod tonemap;
 mod twin;
 mod variants;
 mod vertex_colors;
