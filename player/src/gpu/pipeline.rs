@@ -105,13 +105,13 @@ impl Drop for Pipeline {
 }
 
 /// A shader module that lives while a pipeline is built.
-struct Module<'a> {
+pub(super) struct Module<'a> {
     shared: &'a Shared,
     raw: vk::ShaderModule,
 }
 
 impl<'a> Module<'a> {
-    fn new(shared: &'a Shared, spirv: &[u32]) -> GpuResult<Self> {
+    pub(super) fn new(shared: &'a Shared, spirv: &[u32]) -> GpuResult<Self> {
         let info = vk::ShaderModuleCreateInfo::default().code(spirv);
         // SAFETY: the device is alive; the words are those that the shader compiler wrote.
         let raw = unsafe { shared.device.create_shader_module(&info, None) }
@@ -119,7 +119,7 @@ impl<'a> Module<'a> {
         Ok(Self { shared, raw })
     }
 
-    fn stage<'s>(
+    pub(super) fn stage<'s>(
         &self,
         stage: vk::ShaderStageFlags,
         constants: &'s vk::SpecializationInfo<'s>,
@@ -140,13 +140,13 @@ impl Drop for Module<'_> {
 }
 
 /// Specialisation constants in Vulkan's form.
-struct Constants {
+pub(super) struct Constants {
     entries: Vec<vk::SpecializationMapEntry>,
     values: Vec<u8>,
 }
 
 impl Constants {
-    fn new(constants: &[(u32, u32)]) -> Self {
+    pub(super) fn new(constants: &[(u32, u32)]) -> Self {
         let entry = |(index, (id, _)): (u32, &(u32, u32))| vk::SpecializationMapEntry {
             constant_id: *id,
             offset: index * 4,
@@ -161,7 +161,7 @@ impl Constants {
         }
     }
 
-    fn info(&self) -> vk::SpecializationInfo<'_> {
+    pub(super) fn info(&self) -> vk::SpecializationInfo<'_> {
         vk::SpecializationInfo::default()
             .map_entries(&self.entries)
             .data(&self.values)
