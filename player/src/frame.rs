@@ -150,12 +150,12 @@ impl Renderer {
             let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
             passes.forward.record(commands, hdr, depth, opaque, masked);
         });
-        let uses = [(drawn.hdr, Usage::Color), (drawn.depth, Usage::Depth)];
         if let Some(skybox) = &passes.skybox {
-            frame.pass(c"skybox", &uses, |commands, images| {
-                skybox.record(commands, images.get(drawn.hdr), images.get(drawn.depth));
+            frame.pass(c"skybox", &skybox.uses(targets), |commands, images| {
+                skybox.record(commands, layouts, images, targets, parity);
             });
         }
+        let uses = [(drawn.hdr, Usage::Color), (drawn.depth, Usage::Depth)];
         if let Some(transparent) = &passes.transparent {
             frame.pass(c"transparent", &uses, |commands, images| {
                 let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));

@@ -9,6 +9,9 @@ use crate::passes::Variant;
 use crate::scene::GpuScene;
 use crate::settings::{LightSource, Prepass, Settings};
 
+/// Number of the debug view that shows how often pixels are shaded.
+const OVERDRAW_VIEW: u32 = 11;
+
 /// The choices that pipelines and images depend on. A renderer is rebuilt where its plan changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
@@ -26,6 +29,8 @@ pub struct Plan {
     pub contact: bool,
     /// The sky behind the scene.
     pub skybox: bool,
+    /// Counts the fragments that are shaded, without a prepass, instead of drawing them.
+    pub overdraw: bool,
 }
 
 impl Plan {
@@ -61,7 +66,8 @@ impl Plan {
             },
             debug_view: settings.debug_view != 0,
         };
-        let drawn = !groups.is_empty();
+        let overdraw = settings.debug_view == OVERDRAW_VIEW;
+        let drawn = !groups.is_empty() && !overdraw;
         let ao = drawn && settings.ao.enabled;
         let contact = drawn && settings.contact.enabled && variant.lights;
         let normals = ao || contact;
@@ -70,13 +76,14 @@ impl Plan {
             samples: gpu.samples(settings.msaa),
             prepass: match settings.prepass {
                 Prepass::Auto => normals,
-                Prepass::On => true,
+                Prepass::On => !overdraw,
                 Prepass::Off => normals,
             },
             normals,
             ao,
             contact,
-            skybox: variant.environment && settings.skybox,
+            skybox: variant.environment && settings.skybox && !overdraw,
+            overdraw,
         })
     }
 }

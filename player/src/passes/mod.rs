@@ -95,7 +95,7 @@ impl Passes {
             .then(|| resolve_surface::new(gpu, layouts, graph, targets, plan));
         let skybox = plan
             .skybox
-            .then(|| skybox::Skybox::new(gpu, layouts, plan.samples));
+            .then(|| skybox::Skybox::new(gpu, layouts, graph, targets, plan));
         let blended = plan.variant.blended;
         let transparent = blended.then(|| transparent::Transparent::new(gpu, layouts, plan));
         let resolve_color =
@@ -120,6 +120,9 @@ impl Passes {
             pass.rebind(layouts, |set, parity| {
                 resolve_surface::write(set, parity, graph, targets);
             })?;
+        }
+        if let Some(pass) = &mut self.skybox {
+            pass.rebind(layouts, graph, targets)?;
         }
         if let Some(pass) = &mut self.resolve_color {
             pass.rebind(layouts, |set, parity| {
@@ -175,6 +178,7 @@ fn surface_pipeline(
         Alpha::Cut => ("forward masked", Blend::None),
         Alpha::Blended => ("transparent", Blend::Alpha),
     };
+    let blend = if plan.overdraw { Blend::Add } else { blend };
     let depth = match alpha {
         Alpha::Blended => depth_state(vk::CompareOp::GREATER, false),
         _ if plan.prepass => depth_state(vk::CompareOp::EQUAL, false),

@@ -15,6 +15,7 @@ mod tonemap;
 mod twin;
 mod variants;
 mod vertex_colors;
+mod views;
 
 use glam::Vec3;
 
