@@ -125,6 +125,7 @@ fn golden_lobes() {
     for tonemap in [Tonemap::Aces, Tonemap::Agx, Tonemap::Neutral] {
         let settings = Settings {
             tonemap,
+            ev: -1.0,
             ..Settings::default()
         };
         let name = format!("lobes-{tonemap:?}").to_lowercase();
