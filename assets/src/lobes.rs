@@ -8,6 +8,9 @@ use crate::OutputFile;
 use crate::gltf::{BufferPlace, Builder, Cone, Placement};
 use crate::mesh::Mesh;
 
+/// The name of a row's materials, and the material of a step of 0..=1.
+type Row = (&'static str, fn(f64) -> Value);
+
 const STEPS: [f64; 4] = [0.0, 0.3, 0.6, 1.0];
 
 fn surface(color: [f64; 3], roughness: f64, extensions: Value) -> Value {
@@ -55,7 +58,7 @@ fn cloth(step: f64) -> Value {
 pub fn generate() -> Vec<OutputFile> {
     let mut scene = Builder::default();
     let sphere = scene.geometry(&Mesh::sphere(0.45, 48, 24));
-    let rows: [(&str, fn(f64) -> Value); 4] = [
+    let rows: [Row; 4] = [
         ("coat", coated),
         ("ior", refracting),
         ("specular", tinted),
