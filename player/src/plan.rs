@@ -10,6 +10,9 @@ use crate::passes::Variant;
 use crate::scene::GpuScene;
 use crate::settings::{LightSource, Prepass, Settings};
 
+/// Number of the debug view that shows how often pixels are shaded.
+const OVERDRAW_VIEW: u32 = 11;
+
 /// The choices that pipelines and images depend on. A renderer is rebuilt where its plan changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
@@ -27,6 +30,8 @@ pub struct Plan {
     pub contact: bool,
     /// The sky behind the scene.
     pub skybox: bool,
+    /// Counts the fragments that are shaded, without a prepass, instead of drawing them.
+    pub overdraw: bool,
     /// The shadow map of the first light that casts.
     pub shadow: Option<ShadowMap>,
 }
@@ -53,10 +58,14 @@ impl Plan {
     ) -> Result<Self, PlayerError> {
         let groups = package.draw_groups()?;
         let has = |mode: u32| groups.iter().any(|group| group.alpha_mode == mode);
-        let extensions = package.material_extensions()?;
         let (lights, casts) = scene.lights.count(settings);
+        let overdraw = settings.debug_view == OVERDRAW_VIEW;
+        let drawn = !groups.is_empty() && !overdraw;
+        let ao = drawn && settings.ao.enabled;
+        let contact = drawn && settings.contact.enabled && lights > 0;
+        let extensions = package.material_extensions()?;
         let casters = groups.iter().any(|group| group.alpha_mode != ALPHA_BLEND);
-        let shadow = (settings.shadow.enabled && casts && casters).then(|| ShadowMap {
+        let shadow = (drawn && settings.shadow.enabled && casts && casters).then(|| ShadowMap {
             resolution: settings.shadow.resolution,
             cascades: settings.shadow.cascades.clamp(1, MAX_CASCADES as u32),
         });
@@ -78,24 +87,24 @@ impl Plan {
                 LightSource::Sun | LightSource::Fallback | LightSource::None => 0,
             },
             debug_view: settings.debug_view != 0,
+            screen_occlusion: ao,
+            contact_shadows: contact,
             shadows: shadow.map(|_| settings.shadow.filter),
         };
-        let drawn = !groups.is_empty();
-        let ao = drawn && settings.ao.enabled;
-        let contact = drawn && settings.contact.enabled && variant.lights;
         let normals = ao || contact;
         Ok(Self {
             variant,
             samples: gpu.samples(settings.msaa),
             prepass: match settings.prepass {
                 Prepass::Auto => normals,
-                Prepass::On => true,
+                Prepass::On => !overdraw,
                 Prepass::Off => normals,
             },
             normals,
             ao,
             contact,
-            skybox: variant.environment && settings.skybox,
+            skybox: variant.environment && settings.skybox && !overdraw,
+            overdraw,
             shadow,
         })
     }
