@@ -1,6 +1,7 @@
 //! Maps a Cairn package and renders it: open -> upload -> cull -> record -> present.
 
 pub mod args;
+pub mod bench;
 pub mod camera;
 pub mod camera_file;
 pub mod cascade;
@@ -19,6 +20,7 @@ pub mod png;
 pub mod scene;
 pub mod settings;
 pub mod targets;
+pub mod user;
 #[cfg(feature = "window")]
 pub mod window;
 

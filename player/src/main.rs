@@ -5,7 +5,9 @@ use std::time::Instant;
 
 use cairn_format::Package;
 use cairn_player::PlayerError;
-use cairn_player::args::{Cli, ViewArgs};
+use cairn_player::args::{BenchArgs, Cli, Command, ViewArgs};
+use cairn_player::bench::BenchOptions;
+use cairn_player::gpu::Gpu;
 use cairn_player::headless::{self, HeadlessImage, HeadlessOptions};
 use cairn_player::png;
 use cairn_player::settings::Settings;
@@ -15,14 +17,17 @@ use clap::Parser;
 const VALIDATION_MESSAGES: u8 = 3;
 
 fn main() -> ExitCode {
-    let args = Cli::parse().view;
-    match run(&args) {
-        Ok(code) => code,
+    let cli = Cli::parse();
+    let (package, done) = match &cli {
+        Cli::Command(Command::Bench(args)) => (&args.scene.package, bench(args)),
+        Cli::View(args) => (&args.scene.package, view(args)),
+    };
+    match done {
+        Ok(messages) if messages.is_empty() => ExitCode::SUCCESS,
+        Ok(_) => ExitCode::from(VALIDATION_MESSAGES),
         Err(error) => {
             match &error {
-                PlayerError::Package(inner) => {
-                    eprintln!("error: {}: {inner}", args.scene.package.display())
-                }
+                PlayerError::Package(inner) => eprintln!("error: {}: {inner}", package.display()),
                 other => eprintln!("error: {other}"),
             }
             ExitCode::from(error.exit_code())
@@ -30,7 +35,25 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(args: &ViewArgs) -> Result<ExitCode, PlayerError> {
+/// Messages of the validation layer.
+type Outcome = Result<Vec<String>, PlayerError>;
+
+fn bench(args: &BenchArgs) -> Outcome {
+    let package = args.scene.open()?;
+    let options = BenchOptions {
+        size: [args.scene.size.0, args.scene.size.1],
+        camera: args.scene.camera(&package)?,
+        path: args.path.clone(),
+        settings: args.scene.settings(Settings::default())?,
+        frames: args.frames,
+    };
+    let gpu = Gpu::new(&args.scene.gpu())?;
+    let report = cairn_player::bench::run(&gpu, &package, &options)?;
+    println!("{}", serde_json::json!(report));
+    Ok(gpu.close())
+}
+
+fn view(args: &ViewArgs) -> Outcome {
     let start = Instant::now();
     let package = args.scene.open()?;
     let open_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -54,10 +77,7 @@ fn run(args: &ViewArgs) -> Result<ExitCode, PlayerError> {
     } else {
         print!("{}", text(args, &image, open_ms));
     }
-    Ok(match image.validation.len() {
-        0 => ExitCode::SUCCESS,
-        _ => ExitCode::from(VALIDATION_MESSAGES),
-    })
+    Ok(image.validation)
 }
 
 fn json(
@@ -115,7 +135,7 @@ fn text(args: &ViewArgs, image: &HeadlessImage, open_ms: f64) -> String {
 }
 
 #[cfg(feature = "window")]
-fn show(args: &ViewArgs, package: &Package) -> Result<ExitCode, PlayerError> {
+fn show(args: &ViewArgs, package: &Package) -> Outcome {
     let options = cairn_player::window::WindowOptions {
         size: [args.scene.size.0, args.scene.size.1],
         camera: args.scene.camera(package)?,
@@ -123,16 +143,11 @@ fn show(args: &ViewArgs, package: &Package) -> Result<ExitCode, PlayerError> {
         frames: args.frames,
         gpu: args.scene.gpu(),
     };
-    let messages = cairn_player::window::run(package, &options)?;
-    Ok(if messages.is_empty() {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::from(VALIDATION_MESSAGES)
-    })
+    cairn_player::window::run(package, &options)
 }
 
 #[cfg(not(feature = "window"))]
-fn show(_args: &ViewArgs, _package: &Package) -> Result<ExitCode, PlayerError> {
+fn show(_args: &ViewArgs, _package: &Package) -> Outcome {
     Err(PlayerError::Input(
         "this build has no window (feature `window`): render with --headless --out FILE.png".into(),
     ))

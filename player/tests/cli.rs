@@ -220,3 +220,36 @@ fn without_a_display_the_remedy_is_named() {
         text(&done.stderr)
     );
 }
+
+#[test]
+fn bench_prints_one_line_of_percentiles() {
+    if !has_vulkan("bench_prints_one_line_of_percentiles") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let package = empty_package(folder.path());
+    let bench = |more: &[&str]| {
+        let fixed = ["bench", path(&package), "--size", "16x16", "--frames", "5"];
+        player(&[&fixed[..], more].concat())
+    };
+    let done = bench(&["--no-skybox", "--validation"]);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    assert_eq!(text(&done.stdout).lines().count(), 1);
+    let json: serde_json::Value = serde_json::from_slice(&done.stdout).expect("one JSON object");
+    assert_eq!(json["scene"].as_str().map(str::len), Some(64));
+    assert!(
+        json["commit"]
+            .as_str()
+            .is_some_and(|commit| !commit.is_empty())
+    );
+    assert_eq!((&json["frames"], &json["dropped"]), (&5.into(), &16.into()));
+    assert_eq!(json["settings"]["skybox"], false);
+    let times = [&json["gpu_ms"], &json["record_ms"], &json["passes"][0]];
+    for time in times {
+        let [p50, p95] = ["p50", "p95"].map(|name| time[name].as_f64().expect("a time"));
+        assert!(0.0 < p50 && p50 <= p95, "{time}");
+    }
+    let done = bench(&["--path", "cameras"]);
+    assert_eq!(done.status.code(), Some(2));
+    assert!(text(&done.stderr).contains("no camera"));
+}
