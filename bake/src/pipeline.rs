@@ -18,7 +18,7 @@ use crate::progress::Progress;
 use crate::report::{Row, Section, Stage, Summary};
 use crate::scene::{Origin, Sampler, Scene, Source, Wrap};
 use crate::textures::{self, Texels};
-use crate::{sky, write};
+use crate::{emitters, sky, write};
 
 /// What to bake, and how.
 #[derive(Clone, Debug)]
@@ -49,7 +49,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         .transpose()?;
     clock.lap("import");
 
-    let prepared = prepare(&mut scene, &|fraction| {
+    let mut prepared = prepare(&mut scene, &|fraction| {
         progress.update("geometry", fraction)
     })?;
     let geometry_seconds = clock.lap("geometry");
@@ -75,6 +75,15 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     drop(encoded);
     clock.lap("textures");
 
+    emitters::weigh(
+        &scene,
+        &prepared.materials_used,
+        &mut prepared.emissive_triangles,
+        options.limit_pixels,
+    )?;
+    let emissive_table = emitters::table(&prepared.emissive_triangles);
+    clock.lap("emitters");
+
     let light = store_environment(&mut texels, environment.as_mut(), &prepared, progress);
     clock.lap("environment");
 
@@ -91,7 +100,11 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     let root = assemble(options, products);
     let bounds =
         [&prepared.instance_bounds, &prepared.cluster_bounds].map(|boxes| to_arrays(boxes));
-    let writer = sections(&prepared, &plan, &bounds, &texels, &light);
+    let mut writer = sections(&prepared, &plan, &bounds, &texels, &light);
+    writer.bytes(
+        SectionKind::EmissiveAlias,
+        bytemuck::cast_slice::<_, u8>(&emissive_table),
+    );
     let (package_bytes, content_hash) = write::write(&options.output, &writer, &root)?;
     clock.lap("write");
     progress.update("write", 1.0);
@@ -181,8 +194,9 @@ fn store_environment(
             .importance
             .map_or(Vec::new(), |table| table.to_bytes());
     }
+    let lights = !prepared.lights.is_empty() || !prepared.emissive_triangles.is_empty();
     let sheen = prepared.features & features::SHEEN != 0;
-    if light.environment.is_some() || !prepared.lights.is_empty() || sheen {
+    if light.environment.is_some() || lights || sheen {
         light.brdf_lut = Some(sky::store_lut(texels, sheen));
     }
     light

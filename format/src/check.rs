@@ -22,7 +22,7 @@ use crate::section::SectionKind;
 use crate::texture::{full_mip_count, mip_extent};
 
 pub(crate) use bulk::{bulk, hashes_and_padding};
-pub use bulk::{indices, instances, texture_transforms, vertices};
+pub use bulk::{emissive, emits, indices, instances, mesh_instances, texture_transforms, vertices};
 pub use environment::env_alias;
 
 /// Largest width or height of an image.

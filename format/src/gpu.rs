@@ -321,8 +321,9 @@ gpu_record! {
         pub index_buffer_address: u64 = 8,
         /// Index into the material records.
         pub material_buffer_offset: u32 = 16,
-        /// Zero.
-        pub pad_20: u32 = 20,
+        /// First emissive triangle of this geometry behind its instance's [`MeshInstance::first_emissive`];
+        /// [`NO_EMISSION`] where it emits nothing.
+        pub emissive_offset: u32 = 20,
     }
 }
 
@@ -378,8 +379,9 @@ gpu_record! {
         pub area: f32 = 60,
         /// Index into the material records.
         pub material_index: u32 = 64,
-        /// Zero.
-        pub pad_68: u32 = 68,
+        /// Weight in the alias table: luminance of the emission, its texture's mean over the triangle included, times
+        /// area times pi, twice that where both sides emit. Zero is never sampled.
+        pub power: f32 = 68,
         /// Texture coordinates of the first corner.
         pub uv0: [f32; 2] = 72,
         /// Texture coordinates of the second corner.
@@ -404,7 +406,7 @@ gpu_record! {
     pub struct EmissiveAliasHeader: 8 {
         /// Triangles.
         pub count: u32 = 0,
-        /// Sum of the triangles' power.
+        /// Sum of the triangles' [`EmissiveTriangle::power`].
         pub total_power: f32 = 4,
     }
 }
@@ -456,26 +458,48 @@ gpu_record! {
 }
 
 gpu_record! {
-    /// Push constants of the path tracer.
-    pub struct PathTracePush: 36 {
-        /// Longest path.
-        pub max_bounces: u32 = 0,
-        /// Samples accumulated so far.
-        pub sample_count: u32 = 4,
+    /// Push constants of the path tracer. Positions that it traces are relative to `center`.
+    pub struct PathTracePush: 112 {
+        /// Device address of the [`MeshInstance`] records, their transforms relative to `center`.
+        pub mesh_instances: u64 = 0,
+        /// Unit, from the scene to the environment's sun.
+        pub sun_direction: [f32; 3] = 8,
+        /// Squared sine of the sun's angular radius; 0 without one.
+        pub sun_sin2: f32 = 20,
+        /// Radiance of the sun's disc.
+        pub sun_radiance: [f32; 3] = 24,
+        /// Firefly clamp of indirect light by its largest channel; 0 is off.
+        pub max_clamp: f32 = 36,
+        /// Middle of the scene, metres.
+        pub center: [f32; 3] = 40,
+        /// Width of a pixel's ray cone per metre.
+        pub cone_spread: f32 = 52,
+        /// Longest path, in surface hits after the camera's.
+        pub max_bounces: u32 = 56,
+        /// Samples that each pixel has from earlier dispatches.
+        pub first_sample: u32 = 60,
+        /// Samples that each pixel gets now.
+        pub sample_count: u32 = 64,
+        /// Dispatches accumulated before.
+        pub batch: u32 = 68,
+        /// Bits of the `LIGHT_*` constants: what is sampled directly.
+        pub sampled_lights: u32 = 72,
+        /// Point and spot lights.
+        pub punctual_light_count: u32 = 76,
+        /// Reach of the ambient occlusion view, metres.
+        pub occlusion_distance: f32 = 80,
         /// Seed of the run.
-        pub frame_seed: u32 = 8,
-        /// 2D slot of the blue-noise texture.
-        pub blue_noise_index: u32 = 12,
-        /// Firefly clamp; 0 is off.
-        pub max_clamp: f32 = 16,
-        /// 1 samples the environment's table.
-        pub env_sampling: u32 = 20,
-        /// 1 samples directional lights.
-        pub directional_lights: u32 = 24,
-        /// Emissive triangles.
-        pub emissive_light_count: u32 = 28,
-        /// Highest texture level read.
-        pub lod_max_level: u32 = 32,
+        pub seed: u32 = 84,
+        /// 1 where the environment is seen behind the scene.
+        pub show_sky: u32 = 88,
+        /// Directional lights; the environment's sun is none of them.
+        pub directional_light_count: u32 = 92,
+        /// Device address of the vertex arena.
+        pub vertices: u64 = 96,
+        /// Emissive triangles in the alias table.
+        pub emissive_count: u32 = 104,
+        /// Zero.
+        pub pad_108: u32 = 108,
     }
 }
 
@@ -512,8 +536,9 @@ gpu_record! {
         pub first_geometry: u32 = 52,
         /// Bits of the `DRAW_*` constants.
         pub flags: u32 = 56,
-        /// Zero.
-        pub pad_60: u32 = 60,
+        /// Its first emissive triangle: those of its emitting primitives follow in order, one per triangle traced.
+        /// [`NO_EMISSION`] where it has none.
+        pub first_emissive: u32 = 60,
     }
 }
 
@@ -565,6 +590,16 @@ pub const ALPHA_BLEND: u32 = 2;
 pub const DRAW_DOUBLE_SIDED: u32 = 1;
 /// Bit of draw flags: negative determinant, front faces are clockwise.
 pub const DRAW_MIRRORED: u32 = 2;
+/// A mesh instance or geometry that lists no emissive triangle.
+pub const NO_EMISSION: u32 = u32::MAX;
+/// Bit of [`PathTracePush::sampled_lights`]: the environment.
+pub const LIGHT_ENVIRONMENT: u32 = 1;
+/// Bit of [`PathTracePush::sampled_lights`]: the environment's sun.
+pub const LIGHT_SUN: u32 = 2;
+/// Bit of [`PathTracePush::sampled_lights`]: directional, point and spot lights.
+pub const LIGHT_PUNCTUAL: u32 = 4;
+/// Bit of [`PathTracePush::sampled_lights`]: emissive triangles.
+pub const LIGHT_EMITTERS: u32 = 8;
 /// Bit of [`GlobalUniform::feature_flags`]: shadow maps are valid.
 pub const FEATURE_SHADOWS: u32 = 1;
 /// Bit of [`GlobalUniform::feature_flags`]: ambient occlusion is valid.
@@ -586,6 +621,11 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("ALPHA_BLEND", ALPHA_BLEND),
     ("DRAW_DOUBLE_SIDED", DRAW_DOUBLE_SIDED),
     ("DRAW_MIRRORED", DRAW_MIRRORED),
+    ("NO_EMISSION", NO_EMISSION),
+    ("LIGHT_ENVIRONMENT", LIGHT_ENVIRONMENT),
+    ("LIGHT_SUN", LIGHT_SUN),
+    ("LIGHT_PUNCTUAL", LIGHT_PUNCTUAL),
+    ("LIGHT_EMITTERS", LIGHT_EMITTERS),
     ("FEATURE_SHADOWS", FEATURE_SHADOWS),
     ("FEATURE_AO", FEATURE_AO),
     ("FEATURE_CONTACT_SHADOWS", FEATURE_CONTACT_SHADOWS),

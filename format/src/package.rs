@@ -247,6 +247,12 @@ impl Package {
         self.records(SectionKind::EmissiveTriangles)
     }
 
+    /// Words of the emissive triangles' alias table: [`crate::gpu::EmissiveAliasHeader`], then one
+    /// [`crate::gpu::EmissiveAliasEntry`] per triangle; empty where nothing is sampled.
+    pub fn emissive_alias(&self) -> Result<&[u32]> {
+        self.records(SectionKind::EmissiveAlias)
+    }
+
     /// Draw groups.
     pub fn draw_groups(&self) -> Result<&[DrawGroup]> {
         self.records(SectionKind::DrawGroups)

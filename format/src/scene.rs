@@ -83,7 +83,7 @@ root_struct! {
         pub cameras: Vec<Camera>,
         /// Image-based light.
         pub environment: Option<Environment>,
-        /// Index of the BRDF table in `images`; present where a light or an environment is.
+        /// Index of the BRDF table in `images`; present where a light, an emitter or an environment is.
         pub brdf_lut: Option<u32>,
         /// What the package was made from.
         pub provenance: Provenance,

@@ -16,8 +16,8 @@ use crate::gpu::{
 use crate::scene::{GpuScene, SceneStats};
 use crate::settings::Settings;
 
-/// Display-encoded output.
-const OUTPUT_FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
+/// Display-encoded output, which a shader encodes.
+const OUTPUT_FORMAT: vk::Format = vk::Format::R8G8B8A8_UNORM;
 
 /// What to render.
 #[derive(Clone, Debug)]
@@ -280,7 +280,7 @@ impl Output {
                 layers: 1,
                 cube: false,
                 samples: 1,
-                usage: vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC,
+                usage: vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::TRANSFER_SRC,
             },
         )?;
         let texels = u64::from(size[0]) * u64::from(size[1]);

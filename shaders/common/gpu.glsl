@@ -15,6 +15,11 @@ const uint ALPHA_MASK = 0x1u;
 const uint ALPHA_BLEND = 0x2u;
 const uint DRAW_DOUBLE_SIDED = 0x1u;
 const uint DRAW_MIRRORED = 0x2u;
+const uint NO_EMISSION = 0xffffffffu;
+const uint LIGHT_ENVIRONMENT = 0x1u;
+const uint LIGHT_SUN = 0x2u;
+const uint LIGHT_PUNCTUAL = 0x4u;
+const uint LIGHT_EMITTERS = 0x8u;
 const uint FEATURE_SHADOWS = 0x1u;
 const uint FEATURE_AO = 0x2u;
 const uint FEATURE_CONTACT_SHADOWS = 0x4u;
@@ -116,7 +121,7 @@ struct GeometryInfo {
     uint64_t vertex_buffer_address;
     uint64_t index_buffer_address;
     uint material_buffer_offset;
-    uint pad_20;
+    uint emissive_offset;
 };
 
 // 12 bytes
@@ -145,7 +150,7 @@ struct EmissiveTriangle {
     vec3 emission;
     float area;
     uint material_index;
-    uint pad_68;
+    float power;
     vec2 uv0;
     vec2 uv1;
     vec2 uv2;
@@ -190,17 +195,28 @@ struct ContactPush {
     float base_thickness;
 };
 
-// 36 bytes
+// 112 bytes
 struct PathTracePush {
-    uint max_bounces;
-    uint sample_count;
-    uint frame_seed;
-    uint blue_noise_index;
+    uint64_t mesh_instances;
+    vec3 sun_direction;
+    float sun_sin2;
+    vec3 sun_radiance;
     float max_clamp;
-    uint env_sampling;
-    uint directional_lights;
-    uint emissive_light_count;
-    uint lod_max_level;
+    vec3 center;
+    float cone_spread;
+    uint max_bounces;
+    uint first_sample;
+    uint sample_count;
+    uint batch;
+    uint sampled_lights;
+    uint punctual_light_count;
+    float occlusion_distance;
+    uint seed;
+    uint show_sky;
+    uint directional_light_count;
+    uint64_t vertices;
+    uint emissive_count;
+    uint pad_108;
 };
 
 // 32 bytes
@@ -221,7 +237,7 @@ struct MeshInstance {
     uint mesh;
     uint first_geometry;
     uint flags;
-    uint pad_60;
+    uint first_emissive;
 };
 
 // 32 bytes

@@ -8,7 +8,7 @@ mod error;
 mod ispc;
 mod mips;
 mod role;
-mod srgb;
+pub(crate) mod srgb;
 
 use std::time::Instant;
 

@@ -62,7 +62,7 @@ pub struct Prepared {
     pub draw_groups: Vec<gpu::DrawGroup>,
     /// One per node that carries a stored mesh, in the order of the scene.
     pub mesh_instances: Vec<gpu::MeshInstance>,
-    /// Triangles that emit, in world space; see the warnings where there are too many.
+    /// Triangles that emit, in world space, their powers zero yet; see the warnings where there are too many.
     pub emissive_triangles: Vec<gpu::EmissiveTriangle>,
     /// The directional ones of `lights`.
     pub directional_lights: Vec<gpu::DirectionalLight>,
@@ -192,15 +192,19 @@ pub fn prepare(scene: &mut Scene, progress: &(dyn Fn(f32) + Sync)) -> Result<Pre
     validate::scene(scene)?;
     let geometry = geometry::build(scene, &|done| progress(done * 0.9))?;
     let mut steps = geometry.steps;
-    let placed = steps.time(Step::Bounds, 0, || instances::place(scene, &geometry))?;
+    let mut placed = steps.time(Step::Bounds, 0, || instances::place(scene, &geometry))?;
     let mut diagnostics = geometry.diagnostics.clone();
     let mut features = materials::features(scene, &geometry.materials);
     let mut emissive_triangles = Vec::new();
     if features & features::EMISSIVE != 0 {
         let start = Instant::now();
-        let (triangles, warning) = emission::triangles(scene, &geometry, &placed);
-        steps.record(Step::Emission, triangles.len() as u64, start.elapsed());
-        emissive_triangles = triangles;
+        let (listed, warning) = emission::list(scene, &geometry, &placed);
+        let count = listed.triangles.len() as u64;
+        steps.record(Step::Emission, count, start.elapsed());
+        emissive_triangles = listed.triangles;
+        for (node, first) in placed.mesh_instances.iter_mut().zip(listed.firsts) {
+            node.first_emissive = first;
+        }
         diagnostics.extend(warning);
     }
     let lights = lights::lights(scene)?;

@@ -3,6 +3,7 @@
 //! Objects are destroyed late: a dropped object waits until the submissions that may use it have finished.
 #![allow(unsafe_code)]
 
+pub mod accel;
 pub mod buffer;
 pub mod command;
 pub mod descriptor;
@@ -15,6 +16,7 @@ pub mod pipeline;
 mod pipeline_cache;
 mod query;
 mod queue;
+pub mod raytracing;
 mod select;
 pub mod staging;
 #[cfg(feature = "window")]
@@ -24,6 +26,7 @@ pub(crate) mod test_support;
 #[cfg(test)]
 mod tests;
 
+pub use accel::{BuildStats, TopLevel, TraceGeometry, TraceInstance};
 pub use ash::vk;
 pub use buffer::{Buffer, BufferDesc, Memory};
 pub use command::{
@@ -40,4 +43,5 @@ pub use pipeline::{
 };
 pub use query::PassTime;
 pub use queue::Submission;
+pub use raytracing::{RayPipeline, RayPipelineDesc};
 pub use staging::{UploadStats, Uploader};
