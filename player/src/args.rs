@@ -9,7 +9,6 @@ use crate::gpu::GpuOptions;
 use crate::settings::Settings;
 use crate::settings::flags::SettingFlags;
 use cairn_format::{Aabb, Package};
-use clap::FromArgMatches;
 
 /// The command line: a command, or a package to look at.
 #[derive(Debug)]
@@ -61,7 +60,47 @@ impl clap::Parser for Cli {}
 #[derive(clap::Subcommand, Debug)]
 pub enum Command {
     /// Measure each pass along a fixed path of the camera; print one JSON line.
-    Bench(BenchArgs),
+    Bench(Box<BenchArgs>),
+    /// Measure time and error of each feature and quality level; write sweep.json and sweep.svg.
+    Sweep(Box<SweepArgs>),
+    /// Render raster and reference from one camera; write pictures, compare.json and compare.html.
+    Compare(Box<CompareArgs>),
+}
+
+/// `cairn-player sweep`.
+#[derive(clap::Args, Debug)]
+pub struct SweepArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Frames to measure of each level; 16 more are drawn before.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub frames: u32,
+    /// Picture to measure against: an uncompressed EXR of linear radiance, or a PNG. Supersampled raster where
+    /// absent.
+    #[arg(long)]
+    pub reference: Option<PathBuf>,
+    /// Samples per pixel of that.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub spp: u32,
+    /// Folder of the results.
+    #[arg(long, short)]
+    pub out: PathBuf,
+}
+
+/// `cairn-player compare`.
+#[derive(clap::Args, Debug)]
+pub struct CompareArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Frames to measure of each feature; 16 more are drawn before.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub frames: u32,
+    /// Samples per pixel of the reference.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub spp: u32,
+    /// Folder of the results.
+    #[arg(long, short)]
+    pub out: PathBuf,
 }
 
 /// `cairn-player bench`.
@@ -126,6 +165,8 @@ const EXAMPLES: &str = "Examples:
   cairn-player hall.cairn --camera hero --ev 0.5
   cairn-player hall.cairn --headless --size 1920x1080 --out hall.png --json
   cairn-player bench hall.cairn --size 1920x1080 --path cameras
+  cairn-player sweep hall.cairn --reference hall.exr -o sweep
+  cairn-player compare hall.cairn --camera hero -o compare
   cairn-player helmet.cairn --headless --camera cameras.json:helmet --tonemap linear --brdf gltf-core -o a.png
 
 Exit codes: 0 success, 1 GPU or driver failure, 2 bad input, 3 validation messages.";

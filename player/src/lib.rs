@@ -5,6 +5,7 @@ pub mod bench;
 pub mod camera;
 pub mod camera_file;
 pub mod cascade;
+pub mod compare;
 pub mod draw;
 pub mod error;
 pub mod exr;
@@ -17,8 +18,10 @@ pub mod metrics;
 pub mod passes;
 pub mod plan;
 pub mod png;
+pub mod ruler;
 pub mod scene;
 pub mod settings;
+pub mod sweep;
 pub mod targets;
 pub mod user;
 #[cfg(feature = "window")]

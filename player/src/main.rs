@@ -1,16 +1,19 @@
 //! The `cairn-player` program.
 
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use cairn_format::Package;
 use cairn_player::PlayerError;
-use cairn_player::args::{BenchArgs, Cli, Command, ViewArgs};
+use cairn_player::args::{BenchArgs, Cli, Command, CompareArgs, SweepArgs, ViewArgs};
 use cairn_player::bench::BenchOptions;
+use cairn_player::compare::CompareOptions;
 use cairn_player::gpu::Gpu;
 use cairn_player::headless::{self, HeadlessImage, HeadlessOptions};
 use cairn_player::png;
 use cairn_player::settings::Settings;
+use cairn_player::sweep::SweepOptions;
 use clap::Parser;
 
 /// Exit code of a run that the validation layer had something to say about.
@@ -20,6 +23,8 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let (package, done) = match &cli {
         Cli::Command(Command::Bench(args)) => (&args.scene.package, bench(args)),
+        Cli::Command(Command::Sweep(args)) => (&args.scene.package, sweep(args)),
+        Cli::Command(Command::Compare(args)) => (&args.scene.package, compare(args)),
         Cli::View(args) => (&args.scene.package, view(args)),
     };
     match done {
@@ -51,6 +56,70 @@ fn bench(args: &BenchArgs) -> Outcome {
     let report = cairn_player::bench::run(&gpu, &package, &options)?;
     println!("{}", serde_json::json!(report));
     Ok(gpu.close())
+}
+
+fn sweep(args: &SweepArgs) -> Outcome {
+    let package = args.scene.open()?;
+    let options = SweepOptions {
+        size: [args.scene.size.0, args.scene.size.1],
+        camera: args.scene.camera(&package)?,
+        settings: args.scene.settings(Settings::default())?,
+        frames: args.frames,
+        reference: args.reference.clone(),
+        samples: args.spp,
+    };
+    let gpu = Gpu::new(&args.scene.gpu())?;
+    let report = cairn_player::sweep::run(&gpu, &package, &options)?;
+    let plot = cairn_player::sweep::plot::svg(&report);
+    let json = serde_json::json!(report).to_string();
+    write_all(
+        &args.out,
+        &[
+            ("sweep.svg".into(), plot.into()),
+            ("sweep.json".into(), json.into()),
+        ],
+    )?;
+    print!("{}", report.table());
+    Ok(gpu.close())
+}
+
+fn compare(args: &CompareArgs) -> Outcome {
+    let package = args.scene.open()?;
+    let options = CompareOptions {
+        size: [args.scene.size.0, args.scene.size.1],
+        camera: args.scene.camera(&package)?,
+        settings: args.scene.settings(Settings::default())?,
+        frames: args.frames,
+        samples: args.spp,
+    };
+    let gpu = Gpu::new(&args.scene.gpu())?;
+    let report = cairn_player::compare::run(&gpu, &package, &options)?;
+    let title = format!("{}: raster against reference", package.scene().name);
+    let mut files = cairn_player::compare::page::files(&report)?;
+    files.push((
+        "compare.html".into(),
+        cairn_player::compare::page::html(&report, &title)?.into(),
+    ));
+    files.push((
+        "compare.json".into(),
+        serde_json::json!(report).to_string().into(),
+    ));
+    write_all(&args.out, &files)?;
+    print!("{}", report.table());
+    Ok(gpu.close())
+}
+
+/// Writes files into a folder, which is made where it is missing.
+fn write_all(folder: &Path, files: &[(String, Vec<u8>)]) -> Result<(), PlayerError> {
+    let fail = |path: &Path, error: std::io::Error| {
+        PlayerError::Input(format!("{}: {error}", path.display()))
+    };
+    std::fs::create_dir_all(folder).map_err(|error| fail(folder, error))?;
+    for (name, bytes) in files {
+        let path = folder.join(name);
+        png::write_whole(&path, bytes).map_err(|error| fail(&path, error))?;
+    }
+    Ok(())
 }
 
 fn view(args: &ViewArgs) -> Outcome {

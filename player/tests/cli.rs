@@ -253,3 +253,58 @@ fn bench_prints_one_line_of_percentiles() {
     assert_eq!(done.status.code(), Some(2));
     assert!(text(&done.stderr).contains("no camera"));
 }
+
+#[test]
+fn compare_and_sweep_write_whole_reports() {
+    if !has_vulkan("compare_and_sweep_write_whole_reports") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let package = empty_package(folder.path());
+    let out = folder.path().join("compare");
+    let common = [
+        path(&package),
+        "--size",
+        "24x16",
+        "--frames",
+        "2",
+        "--spp",
+        "4",
+    ];
+    let done = player(&[&["compare"], &common[..], &["-o", path(&out)]].concat());
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let page = std::fs::read_to_string(out.join("compare.html")).expect("a page");
+    assert!(page.matches("data:image/png;base64,").count() >= 20 && !page.contains("http"));
+    let json = std::fs::read(out.join("compare.json")).expect("a report");
+    let json: serde_json::Value = serde_json::from_slice(&json).expect("JSON");
+    assert_eq!(json["rows"].as_array().map(Vec::len), Some(5));
+    // Nothing is black in every way of drawing it.
+    assert_eq!(
+        (&json["rows"][0]["rmse"], &json["rows"][0]["flip"]),
+        (&0.0.into(), &0.0.into())
+    );
+
+    let reference = out.join("all-reference.exr");
+    let out = folder.path().join("sweep");
+    let sweep =
+        |more: &[&str]| player(&[&["sweep"], &common[..], &["-o", path(&out)], more].concat());
+    let done = sweep(&["--reference", path(&reference)]);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let json = std::fs::read(out.join("sweep.json")).expect("a report");
+    let json: serde_json::Value = serde_json::from_slice(&json).expect("JSON");
+    assert!(
+        json["levels"]
+            .as_array()
+            .is_some_and(|levels| levels.len() > 30)
+    );
+    assert!(
+        std::fs::read_to_string(out.join("sweep.svg")).is_ok_and(|svg| svg.starts_with("<svg"))
+    );
+    let done = sweep(&["--reference", path(&package)]);
+    assert_eq!(done.status.code(), Some(2));
+    assert!(
+        text(&done.stderr).contains("not an OpenEXR file"),
+        "{}",
+        text(&done.stderr)
+    );
+}
