@@ -31,7 +31,12 @@ pub enum VertexInput {
     None,
     /// Binding 0: the package's vertices. Binding 1: one u32 per instance at location 5.
     Scene,
+    /// As `Scene`, without normals and tangents.
+    Casters,
 }
+
+/// Locations of positions and both texture coordinates.
+const CASTER_LOCATIONS: [u32; 3] = [0, 2, 4];
 
 /// How a fragment joins what the target holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,6 +47,8 @@ pub enum Blend {
     Alpha,
     /// `source + target * (1 - alpha)`.
     Premultiplied,
+    /// `source + target`.
+    Add,
 }
 
 /// A colour target of a pipeline.
@@ -213,7 +220,7 @@ impl ComputePipeline {
         // SAFETY: module, layout and cache are alive.
         let result = unsafe {
             let device = &shared.device;
-            device.create_compute_pipelines(shared.pipeline_cache, &[info], None)
+            device.create_compute_pipelines(shared.pipeline_cache.raw, &[info], None)
         };
         let raw = first(result, "vkCreateComputePipelines")?;
         shared.set_name(raw, name);
@@ -299,7 +306,7 @@ fn create_graphics(
     // SAFETY: modules, layout and cache are alive, and `info` points to locals of this function.
     let result = unsafe {
         let device = &shared.device;
-        device.create_graphics_pipelines(shared.pipeline_cache, &[info], None)
+        device.create_graphics_pipelines(shared.pipeline_cache.raw, &[info], None)
     };
     first(result, "vkCreateGraphicsPipelines")
 }
@@ -325,8 +332,10 @@ fn vertex_input(input: VertexInput) -> Input {
             input_rate: vk::VertexInputRate::INSTANCE,
         },
     ];
+    let read = |location: &u32| input == VertexInput::Scene || CASTER_LOCATIONS.contains(location);
     let mut attributes: Vec<_> = ATTRIBUTES
         .iter()
+        .filter(|attribute| read(&attribute.location))
         .map(|attribute| vk::VertexInputAttributeDescription {
             location: attribute.location,
             binding: 0,
@@ -362,12 +371,16 @@ fn depth_state(depth: Option<DepthState>) -> vk::PipelineDepthStencilStateCreate
 fn blend_state(blend: Blend) -> vk::PipelineColorBlendAttachmentState {
     let source = match blend {
         Blend::Alpha => vk::BlendFactor::SRC_ALPHA,
-        Blend::None | Blend::Premultiplied => vk::BlendFactor::ONE,
+        Blend::None | Blend::Premultiplied | Blend::Add => vk::BlendFactor::ONE,
+    };
+    let target = match blend {
+        Blend::Add => vk::BlendFactor::ONE,
+        _ => vk::BlendFactor::ONE_MINUS_SRC_ALPHA,
     };
     vk::PipelineColorBlendAttachmentState::default()
         .blend_enable(blend != Blend::None)
         .src_color_blend_factor(source)
-        .dst_color_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
+        .dst_color_blend_factor(target)
         .color_blend_op(vk::BlendOp::ADD)
         .src_alpha_blend_factor(vk::BlendFactor::ONE)
         .dst_alpha_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)

@@ -5,6 +5,7 @@ pub mod depth;
 pub mod forward;
 pub mod resolve_color;
 pub mod resolve_surface;
+pub mod shadow;
 pub mod skybox;
 pub mod tonemap;
 pub mod transparent;
@@ -19,7 +20,7 @@ use crate::gpu::{
 };
 use crate::graph::Graph;
 use crate::plan::Plan;
-use crate::settings::Brdf;
+use crate::settings::{Brdf, ShadowFilter};
 use crate::targets::Targets;
 
 /// Linear radiance before exposure.
@@ -63,10 +64,17 @@ pub struct Variant {
     pub punctual_lights: u32,
     /// A debug view is drawn.
     pub debug_view: bool,
+    /// Ambient occlusion of the screen is there.
+    pub screen_occlusion: bool,
+    /// Contact shadows of the screen are there.
+    pub contact_shadows: bool,
+    /// Filter of the shadow map; absent without one.
+    pub shadows: Option<ShadowFilter>,
 }
 
 /// The passes of a plan; what it does not need is absent.
 pub struct Passes {
+    pub shadow: Option<shadow::Shadow>,
     pub depth: Option<depth::Depth>,
     pub resolve_surface: Option<compute::ComputePass>,
     pub forward: forward::Forward,
@@ -90,17 +98,19 @@ impl Passes {
         target_format: vk::Format,
     ) -> GpuResult<Self> {
         let resolved = plan.samples > 1;
+        let shadow = plan.shadow.map(|_| shadow::Shadow::new(gpu, layouts, plan));
         let depth = plan.prepass.then(|| depth::Depth::new(gpu, layouts, plan));
         let resolve_surface = (resolved && plan.normals)
             .then(|| resolve_surface::new(gpu, layouts, graph, targets, plan));
         let skybox = plan
             .skybox
-            .then(|| skybox::Skybox::new(gpu, layouts, plan.samples));
+            .then(|| skybox::Skybox::new(gpu, layouts, graph, targets, plan));
         let blended = plan.variant.blended;
         let transparent = blended.then(|| transparent::Transparent::new(gpu, layouts, plan));
         let resolve_color =
             resolved.then(|| resolve_color::new(gpu, layouts, graph, targets, plan));
         Ok(Self {
+            shadow: shadow.transpose()?,
             depth: depth.transpose()?,
             resolve_surface: resolve_surface.transpose()?,
             forward: forward::Forward::new(gpu, layouts, plan)?,
@@ -121,6 +131,9 @@ impl Passes {
                 resolve_surface::write(set, parity, graph, targets);
             })?;
         }
+        if let Some(pass) = &mut self.skybox {
+            pass.rebind(layouts, graph, targets)?;
+        }
         if let Some(pass) = &mut self.resolve_color {
             pass.rebind(layouts, |set, parity| {
                 resolve_color::write(set, parity, graph, targets);
@@ -140,7 +153,7 @@ enum Alpha {
 
 impl Variant {
     /// Specialisation constants of `forward.vert` and `forward.frag`: see `options.glsl`.
-    fn constants(&self, alpha: Alpha) -> [(u32, u32); 13] {
+    fn constants(&self, alpha: Alpha) -> [(u32, u32); 16] {
         let values = [
             alpha == Alpha::Cut,
             alpha == Alpha::Blended,
@@ -155,8 +168,15 @@ impl Variant {
             self.sheen,
         ]
         .map(u32::from);
-        let counts = [self.punctual_lights, u32::from(self.debug_view)];
-        let mut values = values.into_iter().chain(counts);
+        let rest = [self.debug_view, self.screen_occlusion, self.contact_shadows].map(u32::from);
+        let lights = [self.punctual_lights];
+        let shadows = match self.shadows {
+            None => 0,
+            Some(ShadowFilter::Pcf) => 1,
+            Some(ShadowFilter::Pcss) => 2,
+        };
+        let values = values.into_iter().chain(lights).chain(rest);
+        let mut values = values.chain([shadows]);
         std::array::from_fn(|id| (id as u32, values.next().unwrap_or_default()))
     }
 }
@@ -175,6 +195,7 @@ fn surface_pipeline(
         Alpha::Cut => ("forward masked", Blend::None),
         Alpha::Blended => ("transparent", Blend::Alpha),
     };
+    let blend = if plan.overdraw { Blend::Add } else { blend };
     let depth = match alpha {
         Alpha::Blended => depth_state(vk::CompareOp::GREATER, false),
         _ if plan.prepass => depth_state(vk::CompareOp::EQUAL, false),

@@ -6,13 +6,17 @@ mod furnace;
 mod lighting;
 mod output;
 mod prepass;
+mod punctual;
 mod renderer;
+mod shadows;
 mod sky;
 mod surfaces;
 mod texture_transforms;
+mod tonemap;
 mod twin;
 mod variants;
 mod vertex_colors;
+mod views;
 
 use glam::Vec3;
 
