@@ -16,11 +16,11 @@ pub const DEFAULT_LUT_SIZE: u32 = 128;
 /// Below this `alpha` the specular lobe is a mirror to better than 1e-5.
 const SMALLEST_ALPHA: f64 = 1e-6;
 
-/// Range of `ln tan(theta_h)` about the peak, outside which lie less than 1e-5 of the lobe.
-const LOWEST: f64 = 6.0;
-const HIGHEST: f64 = 6.5;
+/// Range of `ln tan(theta_h)` about the peak, outside which lie less than 1e-7 of the lobe.
+const LOWEST: f64 = 9.0;
+const HIGHEST: f64 = 12.0;
 /// Widest panel of the outer rule in that variable.
-const PANEL: f64 = 2.2;
+const PANEL: f64 = 1.5;
 
 /// Table of `size * size` texels `[A, B, C, E]`, rows of constant perceptual roughness.
 ///
@@ -65,9 +65,9 @@ struct Integrator {
 impl Integrator {
     fn new() -> Self {
         Self {
-            outer: Rule::gauss_legendre(8),
-            inner: Rule::gauss_legendre(16),
-            diffuse: Rule::gauss_legendre(48),
+            outer: Rule::gauss_legendre(12),
+            inner: Rule::gauss_legendre(24),
+            diffuse: Rule::gauss_legendre(64),
         }
     }
 
