@@ -146,6 +146,9 @@ pub struct SceneArgs {
 pub struct ViewArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
+    /// Open the window without its panel; F1 shows it.
+    #[arg(long)]
+    pub no_panel: bool,
     /// Render without a window.
     #[arg(long)]
     pub headless: bool,

@@ -8,6 +8,8 @@ pub mod resolve_surface;
 pub mod skybox;
 pub mod tonemap;
 pub mod transparent;
+#[cfg(feature = "ui")]
+pub mod ui;
 
 #[cfg(test)]
 mod tests;
