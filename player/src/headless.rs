@@ -279,6 +279,7 @@ impl Output {
                 levels: 1,
                 layers: 1,
                 cube: false,
+                array: false,
                 samples: 1,
                 usage: vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::TRANSFER_SRC,
             },
