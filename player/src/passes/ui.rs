@@ -153,6 +153,7 @@ impl Ui {
                 levels: 1,
                 layers: 1,
                 cube: false,
+                array: false,
                 samples: 1,
                 usage: vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST,
             },
