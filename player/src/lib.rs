@@ -19,6 +19,7 @@ pub mod png;
 pub mod scene;
 pub mod settings;
 pub mod targets;
+pub mod tracer;
 #[cfg(feature = "window")]
 pub mod window;
 
