@@ -119,6 +119,7 @@ impl Tracer {
             accumulated: graph.owned(accumulated),
             guides: None,
             counters: &counters,
+            distribution: trace.distribution(),
         };
         let pass = PathTrace::new(gpu, layouts, &variant, &targets)?;
         let slots: GpuResult<Vec<Slot>> = (0..FRAMES_IN_FLIGHT)
@@ -348,14 +349,25 @@ impl Tracer {
             self.guides = Some([add("albedo guide")?, add("normal guide")?]);
         }
         self.variant = wanted;
-        let targets = trace_targets(&self.graph, self.accumulated, self.guides, &self.counters);
+        let targets = self.trace_targets();
         self.pass = PathTrace::new(&self.gpu, &self.layouts, &wanted, &targets)?;
         Ok(())
     }
 
+    fn trace_targets(&self) -> TraceTargets<'_> {
+        TraceTargets {
+            accumulated: self.graph.owned(self.accumulated),
+            guides: self
+                .guides
+                .map(|guides| guides.map(|guide| self.graph.owned(guide))),
+            counters: &self.counters,
+            distribution: self.scene.distribution(),
+        }
+    }
+
     fn rebind(&mut self) -> GpuResult<()> {
-        let targets = trace_targets(&self.graph, self.accumulated, self.guides, &self.counters);
-        self.pass.rebind(&self.layouts, &targets)?;
+        let set = PathTrace::set(&self.layouts, &self.trace_targets())?;
+        self.pass.rebind(set);
         self.targets = targets_set(&self.layouts, &self.graph, self.accumulated, &self.nearest)?;
         Ok(())
     }
@@ -435,19 +447,6 @@ fn variant(
         sampler: settings.path.sampler,
         sampled_only: false,
     })
-}
-
-fn trace_targets<'a>(
-    graph: &'a Graph,
-    accumulated: Handle,
-    guides: Option<[Handle; 2]>,
-    counters: &'a Buffer,
-) -> TraceTargets<'a> {
-    TraceTargets {
-        accumulated: graph.owned(accumulated),
-        guides: guides.map(|guides| guides.map(|guide| graph.owned(guide))),
-        counters,
-    }
 }
 
 fn targets_set(

@@ -106,6 +106,8 @@ pub struct TraceTargets<'a> {
     /// Albedo and normal, where they are accumulated.
     pub guides: Option<[ImageRef<'a>; 2]>,
     pub counters: &'a Buffer,
+    /// Of the environment's importance table, where there is one.
+    pub distribution: Option<&'a Buffer>,
 }
 
 impl PathTrace {
@@ -139,13 +141,17 @@ impl PathTrace {
         })
     }
 
-    /// Follows images that were replaced.
+    /// Makes the pass's set.
     ///
     /// # Errors
     /// Failures of Vulkan.
-    pub fn rebind(&mut self, layouts: &Layouts, targets: &TraceTargets<'_>) -> GpuResult<()> {
-        self.set = set(layouts, targets)?;
-        Ok(())
+    pub fn set(layouts: &Layouts, targets: &TraceTargets<'_>) -> GpuResult<DescriptorSet> {
+        set(layouts, targets)
+    }
+
+    /// Follows images that were replaced.
+    pub fn rebind(&mut self, set: DescriptorSet) {
+        self.set = set;
     }
 
     /// Traces `batch` for every pixel. Sets 0 and 1 are bound.
@@ -172,6 +178,9 @@ fn set(layouts: &Layouts, targets: &TraceTargets<'_>) -> GpuResult<DescriptorSet
         set.write_storage_image(2, normal);
     }
     set.write_buffer(8, targets.counters)?;
+    if let Some(distribution) = targets.distribution {
+        set.write_buffer(9, distribution)?;
+    }
     Ok(set)
 }
 

@@ -2,7 +2,10 @@
 //!
 //! Traced positions are relative to the middle of the scene, where floats are finest.
 
-use cairn_format::gpu::{DRAW_MIRRORED, EmissiveTriangle, GeometryInfo, MeshInstance, NO_EMISSION};
+use cairn_format::gpu::{
+    DRAW_MIRRORED, EmissiveTriangle, EnvAliasEntry, EnvAliasHeader, GeometryInfo, MeshInstance,
+    NO_EMISSION,
+};
 use cairn_format::scene::natives;
 use cairn_format::{Package, SectionKind, check};
 use glam::DVec3;
@@ -23,6 +26,7 @@ pub struct TraceScene {
     geometries: Buffer,
     mesh_instances: Buffer,
     environment: Option<Buffer>,
+    distribution: Option<Buffer>,
     emissive: Option<[Buffer; 2]>,
     /// Middle of the scene's bounds, metres.
     pub center: [f32; 3],
@@ -91,12 +95,18 @@ impl TraceScene {
         let environment = (!table.is_empty())
             .then(|| copy.buffer("environment table", storage, table, 4, |_, _| Ok(())));
         let environment = environment.transpose()?;
+        let distribution = package.env_alias()?.map(|(header, entries)| {
+            let steps = distribution(header, entries);
+            records(&mut copy, "environment distribution", storage, &steps)
+        });
+        let distribution = distribution.transpose()?;
         uploader.finish()?;
         Ok(Self {
             top: TopLevel::build(gpu, &meshes, &placed)?,
             geometries: geometry_buffer,
             mesh_instances: instance_buffer,
             environment,
+            distribution,
             emissive_count: emissive
                 .as_ref()
                 .map_or(0, |_| package.count(SectionKind::EmissiveTriangles) as u32),
@@ -115,6 +125,11 @@ impl TraceScene {
     /// Whether the environment has an importance table.
     pub fn has_environment_table(&self) -> bool {
         self.environment.is_some()
+    }
+
+    /// Cumulative shares of the importance table's rows, then for each row those of its cells.
+    pub fn distribution(&self) -> Option<&Buffer> {
+        self.distribution.as_ref()
     }
 
     /// Device address of the mesh instances, whose transforms are relative to [`Self::center`].
@@ -156,6 +171,46 @@ fn records<T: bytemuck::Pod>(
     let records = if records.is_empty() { &zero } else { records };
     let bytes = bytemuck::cast_slice(records);
     copy.buffer(name, usage, bytes, size_of::<T>(), |_, _| Ok(()))
+}
+
+/// The importance table as distributions that can be inverted: rows, then each row's cells. Each ends in 1.
+fn distribution(header: &EnvAliasHeader, entries: &[EnvAliasEntry]) -> Vec<f32> {
+    let (width, height) = (header.width as usize, header.height as usize);
+    let edge = |row: usize| (row as f64 / height as f64 * std::f64::consts::PI).cos();
+    let rows = entries.chunks_exact(width).enumerate();
+    let sums = rows.map(|(row, cells)| {
+        let sum: f64 = cells.iter().map(|cell| f64::from(cell.luminance)).sum();
+        sum * (edge(row) - edge(row + 1))
+    });
+    let mut steps = cumulative(sums);
+    for cells in entries.chunks_exact(width) {
+        steps.extend(cumulative(
+            cells.iter().map(|cell| f64::from(cell.luminance)),
+        ));
+    }
+    steps
+}
+
+/// Running sums over the total; even steps where that is 0.
+fn cumulative(weights: impl ExactSizeIterator<Item = f64>) -> Vec<f32> {
+    let count = weights.len();
+    let mut sum = 0.0;
+    let sums: Vec<f64> = weights
+        .map(|weight| {
+            sum += weight;
+            sum
+        })
+        .collect();
+    let share = |(index, partial): (usize, &f64)| {
+        if index + 1 == count {
+            1.0
+        } else if sum > 0.0 {
+            (partial / sum) as f32
+        } else {
+            (index + 1) as f32 / count as f32
+        }
+    };
+    sums.iter().enumerate().map(share).collect()
 }
 
 /// One record per primitive of the root, in order.
