@@ -11,13 +11,13 @@ use crate::gpu::{
     Buffer, BufferDesc, Commands, DescriptorSet, FRAMES_IN_FLIGHT, FrameTarget, Gpu, GpuResult,
     Layouts, Memory, SetIndex, vk,
 };
-use crate::graph::{Graph, Stage, Usage, Uses};
+use crate::graph::{Graph, Usage, Uses};
 use crate::passes::Passes;
 use crate::passes::depth::DepthImages;
 use crate::passes::{resolve_color, resolve_surface};
 use crate::plan::Plan;
 use crate::scene::GpuScene;
-use crate::settings::{Mode, Settings};
+use crate::settings::{Mode, Settings, SpecularOcclusion};
 use crate::targets::Targets;
 use crate::tracer::Tracer;
 
@@ -46,7 +46,7 @@ struct Slot {
 }
 
 impl Renderer {
-    /// Builds passes and targets. `target_format` is the sRGB format of the images that `record` gets.
+    /// Builds passes and targets. `target_format` is that of the images that `record` gets: see [`crate::passes::tonemap`].
     ///
     /// # Errors
     /// [`PlayerError::Input`] where draw groups share instances; failures of Vulkan.
@@ -120,6 +120,9 @@ impl Renderer {
         let slot = &self.slots[commands.slot()];
         bind(commands, scene, slot, self.targets.set(parity));
 
+        self.passes
+            .tonemap
+            .bind_target(&self.layouts, target.image)?;
         let (passes, draws, targets) = (&self.passes, &self.draws, &self.targets);
         let layouts = &self.layouts;
         let drawn = targets.drawn;
@@ -157,12 +160,12 @@ impl Renderer {
             let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
             passes.forward.record(commands, hdr, depth, opaque, masked);
         });
-        let uses = [(drawn.hdr, Usage::Color), (drawn.depth, Usage::Depth)];
         if let Some(skybox) = &passes.skybox {
-            frame.pass(c"skybox", &uses, |commands, images| {
-                skybox.record(commands, images.get(drawn.hdr), images.get(drawn.depth));
+            frame.pass(c"skybox", &skybox.uses(targets), |commands, images| {
+                skybox.record(commands, layouts, images, targets, parity);
             });
         }
+        let uses = [(drawn.hdr, Usage::Color), (drawn.depth, Usage::Depth)];
         if let Some(transparent) = &passes.transparent {
             frame.pass(c"transparent", &uses, |commands, images| {
                 let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
@@ -175,10 +178,8 @@ impl Renderer {
                 resolve.record(commands, layouts, parity, extent);
             });
         }
-        let uses = [
-            (targets.hdr, Usage::Sampled(Stage::Fragment)),
-            (targets.output, Usage::ColorClear),
-        ];
+        let [read, write] = passes.tonemap.usages();
+        let uses = [(targets.hdr, read), (targets.output, write)];
         frame.pass(c"tonemap", &uses, |commands, images| {
             let output = images.get(targets.output);
             passes
@@ -412,4 +413,8 @@ fn fill_settings(uniform: &mut GlobalUniform, settings: &Settings) {
     uniform.ibl_rotation_sin = settings.ibl_yaw.sin();
     uniform.ibl_rotation_cos = settings.ibl_yaw.cos();
     uniform.debug_render_mode = settings.debug_view;
+    uniform.ao_so_mode = match settings.ao.specular {
+        SpecularOcclusion::Lagarde => 0,
+        SpecularOcclusion::Gtso => 1,
+    };
 }

@@ -18,8 +18,8 @@ use crate::scene::{GpuScene, SceneStats};
 use crate::settings::{Mode, Settings};
 use trace::{TraceOptions, TraceStats, trace_on};
 
-/// Display-encoded output.
-const OUTPUT_FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
+/// Display-encoded output, which a shader encodes.
+const OUTPUT_FORMAT: vk::Format = vk::Format::R8G8B8A8_UNORM;
 
 /// What to render.
 #[derive(Clone, Debug)]
@@ -231,7 +231,7 @@ impl Output {
                 layers: 1,
                 cube: false,
                 samples: 1,
-                usage: vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC,
+                usage: vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::TRANSFER_SRC,
             },
         )?;
         let texels = u64::from(options.size[0]) * u64::from(options.size[1]);

@@ -9,6 +9,9 @@ use crate::passes::Variant;
 use crate::scene::GpuScene;
 use crate::settings::{LightSource, Prepass, Settings};
 
+/// Number of the debug view that shows how often pixels are shaded.
+const OVERDRAW_VIEW: u32 = 11;
+
 /// The choices that pipelines and images depend on. A renderer is rebuilt where its plan changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
@@ -26,6 +29,8 @@ pub struct Plan {
     pub contact: bool,
     /// The sky behind the scene.
     pub skybox: bool,
+    /// Counts the fragments that are shaded, without a prepass, instead of drawing them.
+    pub overdraw: bool,
 }
 
 impl Plan {
@@ -41,6 +46,10 @@ impl Plan {
     ) -> Result<Self, PlayerError> {
         let groups = package.draw_groups()?;
         let has = |mode: u32| groups.iter().any(|group| group.alpha_mode == mode);
+        let overdraw = settings.debug_view == OVERDRAW_VIEW;
+        let drawn = !groups.is_empty() && !overdraw;
+        let ao = drawn && settings.ao.enabled;
+        let contact = drawn && settings.contact.enabled && scene.light_count > 0;
         let extensions = package.material_extensions()?;
         let has_lobe = |bit: u32| extensions.iter().any(|lobes| lobes.lobes & bit != 0);
         let variant = Variant {
@@ -60,23 +69,23 @@ impl Plan {
                 LightSource::Sun | LightSource::Fallback | LightSource::None => 0,
             },
             debug_view: settings.debug_view != 0,
+            screen_occlusion: ao,
+            contact_shadows: contact,
         };
-        let drawn = !groups.is_empty();
-        let ao = drawn && settings.ao.enabled;
-        let contact = drawn && settings.contact.enabled && variant.lights;
         let normals = ao || contact;
         Ok(Self {
             variant,
             samples: gpu.samples(settings.msaa),
             prepass: match settings.prepass {
                 Prepass::Auto => normals,
-                Prepass::On => true,
+                Prepass::On => !overdraw,
                 Prepass::Off => normals,
             },
             normals,
             ao,
             contact,
-            skybox: variant.environment && settings.skybox,
+            skybox: variant.environment && settings.skybox && !overdraw,
+            overdraw,
         })
     }
 }

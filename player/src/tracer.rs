@@ -212,6 +212,7 @@ impl Tracer {
         for point in [
             vk::PipelineBindPoint::RAY_TRACING_KHR,
             vk::PipelineBindPoint::GRAPHICS,
+            vk::PipelineBindPoint::COMPUTE,
         ] {
             commands.bind_sets(&self.layouts, point, &sets);
         }
@@ -220,6 +221,7 @@ impl Tracer {
             commands.clear_buffer(&self.counters);
             commands.memory_barrier(CLEARING, TRACING);
         }
+        self.tonemap.bind_target(&self.layouts, target.image)?;
         self.draw(commands, settings, &constants, target);
         self.batch.first_sample += samples;
         self.batch.index += u32::from(samples > 0);
@@ -246,10 +248,8 @@ impl Tracer {
                 pass.record(commands, layouts, extent, constants);
             });
         }
-        let uses = [
-            (accumulated, Usage::Sampled(Stage::Fragment)),
-            (output, Usage::ColorClear),
-        ];
+        let [read, write] = tonemap.usages();
+        let uses = [(accumulated, read), (output, write)];
         frame.pass(c"tonemap", &uses, |commands, images| {
             tonemap.record(commands, layouts, images.get(output), settings.tonemap);
         });

@@ -42,6 +42,8 @@ pub enum Blend {
     Alpha,
     /// `source + target * (1 - alpha)`.
     Premultiplied,
+    /// `source + target`.
+    Add,
 }
 
 /// A colour target of a pipeline.
@@ -362,12 +364,16 @@ fn depth_state(depth: Option<DepthState>) -> vk::PipelineDepthStencilStateCreate
 fn blend_state(blend: Blend) -> vk::PipelineColorBlendAttachmentState {
     let source = match blend {
         Blend::Alpha => vk::BlendFactor::SRC_ALPHA,
-        Blend::None | Blend::Premultiplied => vk::BlendFactor::ONE,
+        Blend::None | Blend::Premultiplied | Blend::Add => vk::BlendFactor::ONE,
+    };
+    let target = match blend {
+        Blend::Add => vk::BlendFactor::ONE,
+        _ => vk::BlendFactor::ONE_MINUS_SRC_ALPHA,
     };
     vk::PipelineColorBlendAttachmentState::default()
         .blend_enable(blend != Blend::None)
         .src_color_blend_factor(source)
-        .dst_color_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
+        .dst_color_blend_factor(target)
         .color_blend_op(vk::BlendOp::ADD)
         .src_alpha_blend_factor(vk::BlendFactor::ONE)
         .dst_alpha_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)

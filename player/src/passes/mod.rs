@@ -64,6 +64,10 @@ pub struct Variant {
     pub punctual_lights: u32,
     /// A debug view is drawn.
     pub debug_view: bool,
+    /// Ambient occlusion of the screen is there.
+    pub screen_occlusion: bool,
+    /// Contact shadows of the screen are there.
+    pub contact_shadows: bool,
 }
 
 /// The passes of a plan; what it does not need is absent.
@@ -96,7 +100,7 @@ impl Passes {
             .then(|| resolve_surface::new(gpu, layouts, graph, targets, plan));
         let skybox = plan
             .skybox
-            .then(|| skybox::Skybox::new(gpu, layouts, plan.samples));
+            .then(|| skybox::Skybox::new(gpu, layouts, graph, targets, plan));
         let blended = plan.variant.blended;
         let transparent = blended.then(|| transparent::Transparent::new(gpu, layouts, plan));
         let resolve_color =
@@ -122,6 +126,9 @@ impl Passes {
                 resolve_surface::write(set, parity, graph, targets);
             })?;
         }
+        if let Some(pass) = &mut self.skybox {
+            pass.rebind(layouts, graph, targets)?;
+        }
         if let Some(pass) = &mut self.resolve_color {
             pass.rebind(layouts, |set, parity| {
                 resolve_color::write(set, parity, graph, targets);
@@ -141,16 +148,16 @@ enum Alpha {
 
 impl Variant {
     /// Specialisation constants of ray-tracing stages.
-    fn traced_constants(&self) -> [(u32, u32); 13] {
+    fn traced_constants(&self) -> Vec<(u32, u32)> {
         let opaque = Self {
             debug_view: false,
             ..*self
         };
-        opaque.constants(Alpha::Ignored)
+        opaque.constants(Alpha::Ignored).to_vec()
     }
 
     /// Specialisation constants of `forward.vert` and `forward.frag`: see `options.glsl`.
-    fn constants(&self, alpha: Alpha) -> [(u32, u32); 13] {
+    fn constants(&self, alpha: Alpha) -> [(u32, u32); 15] {
         let values = [
             alpha == Alpha::Cut,
             alpha == Alpha::Blended,
@@ -165,8 +172,9 @@ impl Variant {
             self.sheen,
         ]
         .map(u32::from);
-        let counts = [self.punctual_lights, u32::from(self.debug_view)];
-        let mut values = values.into_iter().chain(counts);
+        let rest = [self.debug_view, self.screen_occlusion, self.contact_shadows].map(u32::from);
+        let lights = [self.punctual_lights];
+        let mut values = values.into_iter().chain(lights).chain(rest);
         std::array::from_fn(|id| (id as u32, values.next().unwrap_or_default()))
     }
 }
@@ -185,6 +193,7 @@ fn surface_pipeline(
         Alpha::Cut => ("forward masked", Blend::None),
         Alpha::Blended => ("transparent", Blend::Alpha),
     };
+    let blend = if plan.overdraw { Blend::Add } else { blend };
     let depth = match alpha {
         Alpha::Blended => depth_state(vk::CompareOp::GREATER, false),
         _ if plan.prepass => depth_state(vk::CompareOp::EQUAL, false),

@@ -7,14 +7,17 @@ mod lighting;
 mod output;
 mod pathtrace;
 mod prepass;
+mod punctual;
 mod renderer;
 mod sky;
 mod surfaces;
 mod texture_transforms;
+mod tonemap;
 mod traced;
 mod twin;
 mod variants;
 mod vertex_colors;
+mod views;
 
 use glam::Vec3;
 
