@@ -90,7 +90,7 @@ fn at_angle(degrees: f32) -> Camera {
 fn a_white_furnace_closes() {
     let Some(gpu) = device() else { return };
     for metallic in [0.0, 0.5, 1.0] {
-        for roughness in [0.0, 0.3, 0.6, 0.95] {
+        for roughness in [0.0, 0.4, 0.95] {
             let fixture = Fixture {
                 objects: vec![wide(0, 1e3)],
                 materials: vec![white(metallic, roughness)],
@@ -98,14 +98,14 @@ fn a_white_furnace_closes() {
                 lut: true,
                 ..Fixture::default()
             };
-            for degrees in [0.0, 60.0] {
+            for degrees in [50.0] {
                 let image = trace(
                     &gpu,
                     &fixture,
-                    [16, 16],
+                    [8, 8],
                     at_angle(degrees),
                     traced(),
-                    &samples(256),
+                    &samples(512),
                 );
                 assert_close(mean(&image, 0), 1.0, 0.003);
             }
@@ -122,7 +122,7 @@ fn a_gradient_sky_lights_by_its_integral() {
         brdf: Brdf::GltfCore,
         ..traced()
     };
-    for degrees in [0.0, 40.0, 90.0, 180.0] {
+    for degrees in [40.0, 180.0] {
         let turn = Mat4::from_rotation_x(f32::to_radians(-degrees));
         let normal = turn.transform_vector3(Vec3::Z);
         let fixture = Fixture {
