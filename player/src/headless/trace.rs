@@ -67,7 +67,7 @@ pub fn trace_on(
     options: &HeadlessOptions,
     limits: &TraceOptions,
 ) -> Result<HeadlessImage, PlayerError> {
-    check_size(gpu, options)?;
+    check_size(gpu, options.size)?;
     if !gpu.traces_rays() {
         return Err(PlayerError::Input(format!(
             "{} cannot trace rays (VK_KHR_ray_tracing_pipeline): use --mode raster",
@@ -138,7 +138,7 @@ impl<'a> Run<'a> {
         });
         let pace = settings.path.samples_per_frame;
         Ok(Self {
-            output: Output::new(gpu, options)?,
+            output: Output::new(gpu, options.size, false)?,
             accumulated: readback(gpu, "accumulation readback", texels * 16)?,
             guides: guides.transpose()?,
             frames: Frames::new(gpu)?,

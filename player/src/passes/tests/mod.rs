@@ -9,6 +9,7 @@ mod pathtrace;
 mod prepass;
 mod punctual;
 mod renderer;
+mod shadows;
 mod sky;
 mod surfaces;
 mod texture_transforms;
