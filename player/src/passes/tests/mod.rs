@@ -8,6 +8,7 @@ mod output;
 mod prepass;
 mod punctual;
 mod renderer;
+mod shading;
 mod sky;
 mod surfaces;
 mod texture_transforms;
