@@ -1,6 +1,6 @@
 //! The frame: the ordered list of passes, and the per-frame data that they read.
 
-use cairn_format::gpu::{GlobalUniform, NO_TEXTURE};
+use cairn_format::gpu::{DirectionalLight, FEATURE_SHADOWS, GlobalUniform, NO_TEXTURE};
 use cairn_format::{Frustum, Package, SectionKind};
 use glam::Mat4;
 
@@ -11,13 +11,15 @@ use crate::gpu::{
     Buffer, BufferDesc, Commands, DescriptorSet, FRAMES_IN_FLIGHT, FrameTarget, Gpu, GpuResult,
     Layouts, Load, Memory, SetIndex, vk,
 };
-use crate::graph::{FrameGraph, Graph, Usage, Uses};
+use crate::graph::{FrameGraph, Graph, Stage, Usage, Uses};
+use crate::lights::Lights;
 use crate::passes::Passes;
 use crate::passes::depth::DepthImages;
 use crate::passes::shade::VisiblePush;
+use crate::passes::shadow::{Casters, ShadowView};
 use crate::passes::{resolve_color, resolve_surface, shade, surface};
-use crate::plan::Plan;
-use crate::scene::GpuScene;
+use crate::plan::{Plan, ShadowMap};
+use crate::scene::{self, GpuScene};
 use crate::settings::{Settings, SpecularOcclusion};
 use crate::targets::Targets;
 
@@ -32,6 +34,8 @@ pub struct Renderer {
     passes: Passes,
     slots: Vec<Slot>,
     draws: DrawList,
+    lights: Lights,
+    shadow: ShadowView,
     previous_view_projection: Option<Mat4>,
     frame_index: u32,
 }
@@ -40,6 +44,9 @@ pub struct Renderer {
 struct Slot {
     uniform: Buffer,
     visible: Buffer,
+    /// Instances that cast shadows, of all cascades; absent without a shadow map.
+    casters: Option<Buffer>,
+    lights: Buffer,
     set: DescriptorSet,
 }
 
@@ -61,12 +68,15 @@ impl Renderer {
         let mut graph = Graph::new(extent);
         let targets = Targets::new(gpu, layouts, &mut graph, &plan)?;
         let capacity = visible_capacity(package)?;
-        let slots: GpuResult<Vec<Slot>> = (0..FRAMES_IN_FLIGHT)
+        let mut slots = (0..FRAMES_IN_FLIGHT)
             .map(|_| Slot::new(gpu, scene, capacity))
-            .collect();
+            .collect::<GpuResult<Vec<Slot>>>()?;
+        for slot in &mut slots {
+            slot.follow(gpu, &plan)?;
+        }
         Ok(Self {
             passes: Passes::new(gpu, layouts, &graph, &targets, &plan, target_format)?,
-            slots: slots?,
+            slots,
             gpu: gpu.clone(),
             layouts: layouts.clone(),
             target_format,
@@ -74,6 +84,8 @@ impl Renderer {
             graph,
             targets,
             draws: DrawList::default(),
+            lights: Lights::default(),
+            shadow: ShadowView::default(),
             previous_view_projection: None,
             frame_index: 0,
         })
@@ -120,6 +132,21 @@ impl Renderer {
         let (opaque, masked) = (&draws.opaque, &draws.masked);
         let mut frame = self.graph.begin(commands, Some((targets.output, target)));
 
+        let shadow = targets.shadow.as_ref().zip(slot.casters.as_ref());
+        if let (Some(pass), Some((target, casters))) = (&passes.shadow, shadow)
+            && self.shadow.is_stale()
+        {
+            let usage = if self.shadow.is_all_stale() {
+                Usage::DepthClear
+            } else {
+                Usage::Depth
+            };
+            let view = &self.shadow;
+            frame.pass(c"shadow", &[(target.map, usage)], |commands, images| {
+                pass.record(commands, layouts, images, target.map, view, casters);
+                commands.bind_vertex_buffer(1, &slot.visible, 0);
+            });
+        }
         if let Some(depth) = &passes.depth {
             let mut uses = Uses::of(&[(drawn.depth, Usage::DepthClear)]);
             for surface in drawn.surface.iter() {
@@ -165,7 +192,8 @@ impl Renderer {
                 Some(_) => Usage::Depth,
                 None => Usage::DepthClear,
             };
-            let uses = [(drawn.hdr, Usage::ColorClear), (drawn.depth, depth_use)];
+            let mut uses = Uses::of(&[(drawn.hdr, Usage::ColorClear), (drawn.depth, depth_use)]);
+            targets.add_lighting(&mut uses, Stage::Fragment);
             frame.pass(c"forward", &uses, |commands, images| {
                 let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
                 forward.record(commands, hdr, depth, opaque, masked);
@@ -187,7 +215,8 @@ impl Renderer {
                 Load::Keep => Usage::Color,
                 _ => Usage::ColorClear,
             };
-            let uses = [(drawn.hdr, usage), (drawn.depth, Usage::Depth)];
+            let mut uses = Uses::of(&[(drawn.hdr, usage), (drawn.depth, Usage::Depth)]);
+            targets.add_lighting(&mut uses, Stage::Fragment);
             frame.pass(c"transparent", &uses, |commands, images| {
                 let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
                 transparent.record(commands, hdr, depth, load, &draws.blend);
@@ -198,7 +227,9 @@ impl Renderer {
         }
         if let Some(pass) = &passes.shade {
             let push = VisiblePush::new(groups, layered);
-            frame.pass(c"shade", &shade::uses(targets, layered), |commands, _| {
+            let mut uses = shade::uses(targets, layered);
+            targets.add_lighting(&mut uses, Stage::Compute);
+            frame.pass(c"shade", &uses, |commands, _| {
                 commands.push_constants(layouts, &push);
                 pass.record(commands, layouts, parity, extent);
             });
@@ -262,6 +293,10 @@ impl Renderer {
         let (gpu, layouts) = (&self.gpu, &self.layouts);
         let targets = Targets::new(gpu, layouts, &mut graph, &plan)?;
         self.passes = Passes::new(gpu, layouts, &graph, &targets, &plan, self.target_format)?;
+        for slot in &mut self.slots {
+            slot.follow(gpu, &plan)?;
+        }
+        self.shadow.forget();
         (self.graph, self.targets, self.plan) = (graph, targets, plan);
         Ok(())
     }
@@ -282,6 +317,8 @@ impl Renderer {
         uniform.prev_view_projection = previous.to_cols_array_2d();
         uniform.frame_index = self.frame_index;
         fill_scene(&mut uniform, scene);
+        scene.lights.choose(settings, &mut self.lights);
+        uniform.directional_light_count = self.lights.records.len() as u32;
         fill_settings(&mut uniform, settings);
         self.previous_view_projection = Some(view_projection);
         self.frame_index = self.frame_index.wrapping_add(1);
@@ -297,6 +334,23 @@ impl Renderer {
             camera.position,
         );
         let slot = &mut self.slots[slot];
+        if let (Some(casters), Some(light)) = (&mut slot.casters, self.lights.shadowed) {
+            let [width, height] = extent.map(|size| size as f32);
+            let casting = Casters {
+                scene: scene::bounds(package),
+                groups,
+                bounds,
+                clusters,
+            };
+            let aspect = width / height;
+            self.shadow
+                .update(camera, aspect, light, &casting, &settings.shadow);
+            let (diameter, shadow) = (light.angular_diameter, &settings.shadow);
+            self.shadow.cascades.fill(&mut uniform, shadow, diameter);
+            uniform.feature_flags |= FEATURE_SHADOWS;
+            self.shadow.write(casters)?;
+        }
+        slot.lights.write(0, &self.lights.records)?;
         slot.uniform.write(0, &[uniform])?;
         slot.visible.write(0, &self.draws.visible)?;
         Ok(())
@@ -323,9 +377,18 @@ impl Slot {
                 memory: Memory::Upload,
             },
         )?;
+        let lights = Buffer::new(
+            gpu,
+            &BufferDesc {
+                name: "directional lights",
+                size: (scene.lights.capacity() * size_of::<DirectionalLight>()) as u64,
+                usage: vk::BufferUsageFlags::STORAGE_BUFFER,
+                memory: Memory::Upload,
+            },
+        )?;
         let mut set = scene.layouts.allocate(SetIndex::Frame, "frame")?;
         set.write_buffer(0, &uniform)?;
-        set.write_buffer(1, &scene.lights)?;
+        set.write_buffer(1, &lights)?;
         set.write_buffer(2, &scene.materials)?;
         set.write_buffer(3, &scene.instances)?;
         if let Some(transforms) = &scene.texture_transforms {
@@ -351,8 +414,23 @@ impl Slot {
         Ok(Self {
             uniform,
             visible,
+            casters: None,
+            lights,
             set,
         })
+    }
+
+    /// Makes or drops what only some plans need.
+    fn follow(&mut self, gpu: &Gpu, plan: &Plan) -> GpuResult<()> {
+        let desc = |map: ShadowMap| BufferDesc {
+            name: "shadow casters",
+            size: self.visible.size() * u64::from(map.cascades),
+            usage: vk::BufferUsageFlags::VERTEX_BUFFER,
+            memory: Memory::Upload,
+        };
+        let casters = plan.shadow.map(|map| Buffer::new(gpu, &desc(map)));
+        self.casters = casters.transpose()?;
+        Ok(())
     }
 }
 
@@ -409,7 +487,6 @@ fn camera_uniform(camera: &Camera, extent: [u32; 2]) -> GlobalUniform {
 fn fill_scene(uniform: &mut GlobalUniform, scene: &GpuScene) {
     let environment = scene.environment.as_ref();
     let slot = |index: Option<u32>| index.unwrap_or(NO_TEXTURE);
-    uniform.directional_light_count = scene.light_count;
     uniform.brdf_lut_index = slot(scene.brdf_lut_slot);
     uniform.skybox_cubemap_index = slot(environment.map(|slots| slots.sky));
     uniform.irradiance_cubemap_index = slot(environment.map(|slots| slots.irradiance));

@@ -3,23 +3,21 @@
 mod segments;
 mod textures;
 
-use cairn_format::gpu::{DirectionalLight, Instance, Material};
-use cairn_format::{Error, Package, Part, SectionKind, Vertex, check};
+use cairn_format::gpu::{Instance, Material};
+use cairn_format::scene::natives;
+use cairn_format::{Aabb, Package, SectionKind, Vertex, check};
 
 use crate::PlayerError;
 use crate::gpu::{
     Buffer, BufferDesc, DescriptorSet, Gpu, GpuResult, Layouts, Memory, SetIndex, UploadStats,
     Uploader, vk,
 };
+use crate::lights::SceneLights;
 use segments::Segments;
 use textures::Textures;
 
 /// Bytes of the buffer that stands for a section the package does not have: at least one record of every kind.
 const DUMMY_BYTES: usize = 256;
-
-/// The light of a package that has neither lights nor an environment: white, from above and behind the viewer.
-const FALLBACK_DIRECTION: glam::Vec3 = glam::Vec3::new(-0.5, -1.0, -0.6);
-const FALLBACK_INTENSITY: f32 = 3.0;
 
 /// A package on the GPU. What the package does not have is not created.
 pub struct GpuScene {
@@ -31,8 +29,8 @@ pub struct GpuScene {
     pub instances: Buffer,
     /// Material records.
     pub materials: Buffer,
-    /// Directional light records.
-    pub lights: Buffer,
+    /// The directional lights to choose from.
+    pub lights: SceneLights,
     /// One colour per vertex of the arena; absent where the package has none.
     pub vertex_colors: Option<Buffer>,
     /// One record per 2D texture slot, the BRDF table's excepted; absent where all are the identity.
@@ -47,8 +45,6 @@ pub struct GpuScene {
     pub punctual_light_count: u32,
     /// Further lobes, one record per material; absent where no material has any.
     pub material_extensions: Option<Buffer>,
-    /// Records in `lights`, the fallback light included.
-    pub light_count: u32,
     /// Layouts for this package's number of textures.
     pub layouts: Layouts,
     /// Set 1, written.
@@ -122,7 +118,7 @@ impl GpuScene {
         let (vertices, indices) = geometry(&mut copy, package)?;
         let instances = instances(&mut copy, package)?;
         let materials = materials(&mut copy, package)?;
-        let (lights, light_count) = lights(&mut copy, package)?;
+        let lights = SceneLights::new(package)?;
         let vertex_colors = vertex_colors(&mut copy, package, vertices.is_some())?;
         let texture_transforms = texture_transforms(&mut copy, package)?;
         let punctual_lights = punctual_lights(&mut copy, package)?;
@@ -158,7 +154,6 @@ impl GpuScene {
             draw_group_count: package.count(SectionKind::DrawGroups) as u32,
             punctual_light_count: package.count(SectionKind::PunctualLights) as u32,
             material_extensions,
-            light_count,
             layouts,
             bindless,
             brdf_lut_slot: textures::brdf_lut_slot(package),
@@ -171,6 +166,15 @@ impl GpuScene {
     /// Whether the package has image-based light.
     pub fn has_environment(&self) -> bool {
         self.environment.is_some()
+    }
+}
+
+/// World bounds of everything that a package draws.
+pub fn bounds(package: &Package) -> Aabb {
+    let bounds = &package.scene().bounds;
+    Aabb {
+        min: natives(&bounds.min).into(),
+        max: natives(&bounds.max).into(),
     }
 }
 
@@ -293,26 +297,6 @@ fn materials(copy: &mut Copy<'_>, package: &Package) -> Result<Buffer, PlayerErr
     })
 }
 
-/// Directional lights and their number.
-fn lights(copy: &mut Copy<'_>, package: &Package) -> Result<(Buffer, u32), PlayerError> {
-    let records = package.directional_lights()?;
-    let fallback = [fallback_light()];
-    let unlit = records.is_empty()
-        && package.punctual_lights()?.is_empty()
-        && package.scene().environment.is_none();
-    let records = if unlit { &fallback[..] } else { records };
-    let kind = SectionKind::DirectionalLights;
-    let buffer = copy.storage(kind, bytemuck::cast_slice(records), |bytes, offset| {
-        let values: &[f32] = bytemuck::cast_slice(bytes);
-        if values.iter().all(|value| value.is_finite()) {
-            return Ok(());
-        }
-        let what = "a light is not finite";
-        Err(Error::corrupt(Part::Section(kind), offset, what).into())
-    })?;
-    Ok((buffer, records.len() as u32))
-}
-
 /// Any bits are a colour, so nothing is checked; that the section has one for each vertex was when it was opened.
 fn vertex_colors(
     copy: &mut Copy<'_>,
@@ -363,14 +347,6 @@ fn material_extensions(
             textures,
         )?)
     })
-}
-
-fn fallback_light() -> DirectionalLight {
-    let direction = FALLBACK_DIRECTION.normalize();
-    DirectionalLight {
-        direction_and_intensity: direction.extend(FALLBACK_INTENSITY).to_array(),
-        color_and_shadow: [1.0, 1.0, 1.0, 0.0],
-    }
 }
 
 fn buffer_stats(package: &Package) -> SceneStats {

@@ -155,7 +155,7 @@ group! {
         /// 0 splits the distance evenly, 1 logarithmically.
         lambda: f32 = 0.75, Number(0.0, 1.0);
         /// Depth bias per slope.
-        slope_bias: f32 = 1.5, Number(0.0, 16.0);
+        slope_bias: f32 = 0.5, Number(0.0, 16.0);
         /// Offset along the geometric normal, in shadow texels.
         normal_offset: f32 = 1.0, Number(0.0, 16.0);
         /// How edges are filtered.

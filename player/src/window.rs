@@ -5,7 +5,7 @@ mod fly;
 use std::sync::Arc;
 use std::time::Instant;
 
-use cairn_format::{Aabb, Package};
+use cairn_format::Package;
 use winit::application::ApplicationHandler;
 use winit::dpi::PhysicalSize;
 use winit::event::{DeviceEvent, DeviceId, ElementState, MouseButton, WindowEvent};
@@ -18,7 +18,7 @@ use crate::camera::Camera;
 use crate::frame::Renderer;
 use crate::gpu::swapchain::{Acquired, Swapchain};
 use crate::gpu::{FrameTarget, Frames, Gpu, GpuError, GpuOptions, Sync, vk};
-use crate::scene::GpuScene;
+use crate::scene::{GpuScene, bounds};
 use crate::settings::Settings;
 use fly::Fly;
 
@@ -341,15 +341,6 @@ impl<'a> View<'a> {
         let messages = gpu.close();
         drop(window);
         messages
-    }
-}
-
-fn bounds(package: &Package) -> Aabb {
-    let bounds = &package.scene().bounds;
-    let vector = |value| glam::Vec3::from(cairn_format::scene::natives(value));
-    Aabb {
-        min: vector(&bounds.min),
-        max: vector(&bounds.max),
     }
 }
 

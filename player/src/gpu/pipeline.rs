@@ -31,7 +31,12 @@ pub enum VertexInput {
     None,
     /// Binding 0: the package's vertices. Binding 1: one u32 per instance at location 5.
     Scene,
+    /// As `Scene`, without normals and tangents.
+    Casters,
 }
+
+/// Locations of positions and both texture coordinates.
+const CASTER_LOCATIONS: [u32; 3] = [0, 2, 4];
 
 /// How a fragment joins what the target holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -215,7 +220,7 @@ impl ComputePipeline {
         // SAFETY: module, layout and cache are alive.
         let result = unsafe {
             let device = &shared.device;
-            device.create_compute_pipelines(shared.pipeline_cache, &[info], None)
+            device.create_compute_pipelines(shared.pipeline_cache.raw, &[info], None)
         };
         let raw = first(result, "vkCreateComputePipelines")?;
         shared.set_name(raw, name);
@@ -301,7 +306,7 @@ fn create_graphics(
     // SAFETY: modules, layout and cache are alive, and `info` points to locals of this function.
     let result = unsafe {
         let device = &shared.device;
-        device.create_graphics_pipelines(shared.pipeline_cache, &[info], None)
+        device.create_graphics_pipelines(shared.pipeline_cache.raw, &[info], None)
     };
     first(result, "vkCreateGraphicsPipelines")
 }
@@ -327,8 +332,10 @@ fn vertex_input(input: VertexInput) -> Input {
             input_rate: vk::VertexInputRate::INSTANCE,
         },
     ];
+    let read = |location: &u32| input == VertexInput::Scene || CASTER_LOCATIONS.contains(location);
     let mut attributes: Vec<_> = ATTRIBUTES
         .iter()
+        .filter(|attribute| read(&attribute.location))
         .map(|attribute| vk::VertexInputAttributeDescription {
             location: attribute.location,
             binding: 0,

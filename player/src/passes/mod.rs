@@ -6,6 +6,7 @@ pub mod forward;
 pub mod resolve_color;
 pub mod resolve_surface;
 pub mod shade;
+pub mod shadow;
 pub mod skybox;
 pub mod surface;
 pub mod tonemap;
@@ -22,7 +23,7 @@ use crate::gpu::{
 };
 use crate::graph::Graph;
 use crate::plan::Plan;
-use crate::settings::Brdf;
+use crate::settings::{Brdf, ShadowFilter};
 use crate::targets::Targets;
 
 /// Linear radiance before exposure.
@@ -72,10 +73,13 @@ pub struct Variant {
     pub screen_occlusion: bool,
     /// Contact shadows of the screen are there.
     pub contact_shadows: bool,
+    /// Filter of the shadow map; absent without one.
+    pub shadows: Option<ShadowFilter>,
 }
 
 /// The passes of a plan; what it does not need is absent.
 pub struct Passes {
+    pub shadow: Option<shadow::Shadow>,
     pub depth: Option<depth::Depth>,
     pub resolve_surface: Option<compute::ComputePass>,
     pub visibility: Option<visibility::Visibility>,
@@ -111,6 +115,7 @@ impl Passes {
             .compute
             .then(|| shade::new(gpu, layouts, graph, targets, plan));
         let forward = (!plan.compute).then(|| forward::Forward::new(gpu, layouts, plan));
+        let shadow = plan.shadow.map(|_| shadow::Shadow::new(gpu, layouts, plan));
         let depth = plan.prepass.then(|| depth::Depth::new(gpu, layouts, plan));
         let resolve_surface = (resolved && plan.normals)
             .then(|| resolve_surface::new(gpu, layouts, graph, targets, plan));
@@ -121,6 +126,7 @@ impl Passes {
         let resolve_color =
             resolved.then(|| resolve_color::new(gpu, layouts, graph, targets, plan));
         Ok(Self {
+            shadow: shadow.transpose()?,
             depth: depth.transpose()?,
             resolve_surface: resolve_surface.transpose()?,
             visibility: visibility.transpose()?,
@@ -176,7 +182,7 @@ enum Alpha {
 
 impl Variant {
     /// Specialisation constants of `forward.vert` and `forward.frag`: see `options.glsl`.
-    fn constants(&self, alpha: Alpha) -> [(u32, u32); 15] {
+    fn constants(&self, alpha: Alpha) -> [(u32, u32); 16] {
         let values = [
             alpha == Alpha::Cut,
             alpha == Alpha::Blended,
@@ -193,7 +199,13 @@ impl Variant {
         .map(u32::from);
         let rest = [self.debug_view, self.screen_occlusion, self.contact_shadows].map(u32::from);
         let lights = [self.punctual_lights];
-        let mut values = values.into_iter().chain(lights).chain(rest);
+        let shadows = match self.shadows {
+            None => 0,
+            Some(ShadowFilter::Pcf) => 1,
+            Some(ShadowFilter::Pcss) => 2,
+        };
+        let values = values.into_iter().chain(lights).chain(rest);
+        let mut values = values.chain([shadows]);
         std::array::from_fn(|id| (id as u32, values.next().unwrap_or_default()))
     }
 }

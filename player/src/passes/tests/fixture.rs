@@ -151,6 +151,14 @@ pub fn light(direction: Vec3, color: [f32; 3], intensity: f32) -> DirectionalLig
     }
 }
 
+/// A light that casts shadows.
+pub fn casting(direction: Vec3) -> DirectionalLight {
+    DirectionalLight {
+        color_and_shadow: [1.0; 4],
+        ..light(direction, [1.0; 3], 3.0)
+    }
+}
+
 impl Fixture {
     /// The package.
     pub fn package(&self) -> Package {
@@ -159,6 +167,13 @@ impl Fixture {
         self.add_objects(&mut scene, &mut arenas);
         self.add_images(&mut scene, &mut arenas.texels);
         let arrays = bounds::to_arrays(&arenas.bounds);
+        if !arenas.bounds.is_empty() {
+            let all = arenas.bounds.iter().copied().fold(Aabb::EMPTY, Aabb::union);
+            scene.bounds = Bounds {
+                min: all.min.to_array(),
+                max: all.max.to_array(),
+            };
+        }
         let colored = self.objects.iter().any(|object| !object.colors.is_empty());
         if colored {
             scene.features |= features::VERTEX_COLORS;

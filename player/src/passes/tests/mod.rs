@@ -9,6 +9,7 @@ mod prepass;
 mod punctual;
 mod renderer;
 mod shading;
+mod shadows;
 mod sky;
 mod surfaces;
 mod texture_transforms;
