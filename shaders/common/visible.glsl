@@ -83,6 +83,11 @@ vec3 unit_or_zero(vec3 v) {
     return length2 > 0.0 ? v * inversesqrt(length2) : vec3(0.0);
 }
 
+vec4 corner_color(uint corner) {
+    VertexColor color = vertex_colors[corner];
+    return vec4(unpackUnorm2x16(color.red_green), unpackUnorm2x16(color.blue_alpha));
+}
+
 // The surface behind `pixel`; interpolates what forward.vert writes.
 Fetched fetch_visible(uvec2 texel, vec2 pixel) {
     Triangle t = fetch_triangle(texel);
@@ -105,15 +110,13 @@ Fetched fetch_visible(uvec2 texel, vec2 pixel) {
     f.frame.position = mat3(world[0], world[1], world[2]) * b.at;
     f.frame.normal = vec3(0.0);
     f.frame.tangent = vec3(0.0);
-    f.vertex_color = HAS_VERTEX_COLORS ? vec4(0.0) : vec4(1.0);
     for (int i = 0; i < 3; ++i) {
         f.frame.normal += unit_or_zero(normal_matrix * v[i].normal) * b.at[i];
         f.frame.tangent += unit_or_zero(model * v[i].tangent.xyz) * b.at[i];
-        if (HAS_VERTEX_COLORS) {
-            VertexColor color = vertex_colors[t.corners[i]];
-            f.vertex_color +=
-                vec4(unpackUnorm2x16(color.red_green), unpackUnorm2x16(color.blue_alpha)) * b.at[i];
-        }
+    }
+    f.vertex_color = vec4(1.0);
+    if (HAS_VERTEX_COLORS) {
+        f.vertex_color = mat3x4(corner_color(t.corners.x), corner_color(t.corners.y), corner_color(t.corners.z)) * b.at;
     }
     // The provoking vertex's, as flat interpolation has it.
     f.frame.handedness = mirrored ? -v[0].tangent.w : v[0].tangent.w;

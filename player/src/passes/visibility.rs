@@ -73,7 +73,7 @@ fn pipeline(
         },
         vertex: shader(cairn_shaders::VISIBILITY_VERT.spirv),
         fragment: Some(shader(cairn_shaders::VISIBILITY_FRAG.spirv)),
-        input: VertexInput::Scene,
+        input: VertexInput::Positions,
         colors: &[ColorTarget {
             format: VISIBILITY_FORMAT,
             blend: Blend::None,
