@@ -332,7 +332,8 @@ fn vertex_input(input: VertexInput) -> Input {
             input_rate: vk::VertexInputRate::INSTANCE,
         },
     ];
-    let read = |location: &u32| input == VertexInput::Scene || POSITION_LOCATIONS.contains(location);
+    let read =
+        |location: &u32| input == VertexInput::Scene || POSITION_LOCATIONS.contains(location);
     let mut attributes: Vec<_> = ATTRIBUTES
         .iter()
         .filter(|attribute| read(&attribute.location))
