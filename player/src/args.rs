@@ -76,8 +76,8 @@ pub struct SweepArgs {
     /// Frames to measure of each level; 16 more are drawn before.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub frames: u32,
-    /// Picture to measure against: an uncompressed EXR of linear radiance, or a PNG. Supersampled raster where
-    /// absent.
+    /// Picture to measure against: an uncompressed EXR of linear radiance, or a PNG. Where absent, the path
+    /// tracer's, or supersampled raster.
     #[arg(long)]
     pub reference: Option<PathBuf>,
     /// Samples per pixel of that.
@@ -147,6 +147,9 @@ pub struct SceneArgs {
 pub struct ViewArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
+    /// Open the window without its panel; F1 shows it.
+    #[arg(long)]
+    pub no_panel: bool,
     /// Render without a window.
     #[arg(long)]
     pub headless: bool,

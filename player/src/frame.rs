@@ -9,7 +9,7 @@ use crate::camera::Camera;
 use crate::draw::{DrawList, DrawStats};
 use crate::gpu::{
     Buffer, BufferDesc, Commands, DescriptorSet, FRAMES_IN_FLIGHT, FrameTarget, Gpu, GpuResult,
-    Layouts, Memory, SetIndex, vk,
+    ImageRef, Layouts, Memory, SetIndex, vk,
 };
 use crate::graph::{Graph, Stage, Usage, Uses};
 use crate::lights::Lights;
@@ -22,6 +22,9 @@ use crate::scene::{self, GpuScene};
 use crate::settings::{Mode, Settings, SpecularOcclusion};
 use crate::targets::Targets;
 use crate::tracer::Tracer;
+
+/// Draws over the finished picture.
+pub type Overlay<'a> = &'a dyn Fn(&mut Commands, ImageRef<'_>);
 
 /// Draws packages into images of one format and size.
 pub struct Renderer {
@@ -109,10 +112,10 @@ impl Renderer {
         Ok(())
     }
 
-    /// Records one frame into `target`, which has the renderer's extent.
+    /// As [`Renderer::record_under`], with nothing over the picture.
     ///
     /// # Errors
-    /// A package that changed on disk; failures of Vulkan.
+    /// As there.
     pub fn record(
         &mut self,
         commands: &mut Commands,
@@ -121,6 +124,25 @@ impl Renderer {
         camera: &Camera,
         settings: &Settings,
         target: FrameTarget<'_>,
+    ) -> Result<(), PlayerError> {
+        self.record_under(commands, scene, package, camera, settings, target, None)
+    }
+
+    /// Records one frame into `target`, which has the renderer's extent; `overlay` then draws over the picture, as
+    /// an attachment that it keeps.
+    ///
+    /// # Errors
+    /// A package that changed on disk; failures of Vulkan.
+    #[allow(clippy::too_many_arguments)]
+    pub fn record_under(
+        &mut self,
+        commands: &mut Commands,
+        scene: &GpuScene,
+        package: &Package,
+        camera: &Camera,
+        settings: &Settings,
+        target: FrameTarget<'_>,
+        overlay: Option<Overlay<'_>>,
     ) -> Result<(), PlayerError> {
         self.follow_settings(scene, package, settings)?;
         if settings.mode == Mode::PathTrace && self.gpu.traces_rays() {
@@ -220,6 +242,12 @@ impl Renderer {
                 .tonemap
                 .record(commands, layouts, output, settings.tonemap);
         });
+        if let Some(overlay) = overlay {
+            let uses = [(targets.output, Usage::Color)];
+            frame.pass(c"ui", &uses, |commands, images| {
+                overlay(commands, images.get(targets.output));
+            });
+        }
         frame.finish();
         Ok(())
     }

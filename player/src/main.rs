@@ -232,12 +232,23 @@ fn text(args: &ViewArgs, image: &HeadlessImage, open_ms: f64) -> String {
 
 #[cfg(feature = "window")]
 fn show(args: &ViewArgs, package: &Package) -> Outcome {
+    use cairn_player::window::state::{State, file_of};
+    let file = file_of(&args.scene.package);
+    // What was kept is a convenience: damage to it must not keep a scene from being shown.
+    let kept = file.as_deref().map_or(Ok(State::default()), State::load);
+    let kept = kept.unwrap_or_else(|error| {
+        eprintln!("warning: {error}; starting with defaults");
+        State::default()
+    });
     let options = cairn_player::window::WindowOptions {
         size: [args.scene.size.0, args.scene.size.1],
         camera: args.scene.camera(package)?,
-        settings: args.scene.settings(Settings::default())?,
+        settings: args.scene.settings(kept.settings)?,
         frames: args.frames,
         gpu: args.scene.gpu(),
+        cameras: kept.cameras,
+        state: file,
+        panel: !args.no_panel,
     };
     cairn_player::window::run(package, &options)
 }

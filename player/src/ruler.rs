@@ -27,11 +27,16 @@ pub enum Ruler {
 }
 
 impl Ruler {
-    /// The best ruler of this device, with `samples` per pixel or fewer where the device has not the size.
+    /// The best ruler of this device: the path tracer where it traces rays.
     pub fn best(gpu: &Gpu, samples: u32, size: [u32; 2]) -> Self {
         if gpu.traces_rays() {
             return Self::PathTraced(samples.max(1));
         }
+        Self::supersampled(gpu, samples, size)
+    }
+
+    /// The raster picture with `samples` per pixel, or fewer where the device has not the size.
+    pub fn supersampled(gpu: &Gpu, samples: u32, size: [u32; 2]) -> Self {
         let limit = gpu.limits().max_image_dimension2_d;
         let fits = |factor: &u32| size.iter().all(|side| side * factor <= limit);
         let wanted = samples.max(1).isqrt();
@@ -41,7 +46,7 @@ impl Ruler {
     /// Its name, with how many samples it takes.
     pub fn name(&self) -> String {
         match self {
-            Self::PathTraced(samples) => format!("path traced ({samples} samples)"),
+            Self::PathTraced(samples) => format!("path tracer ({samples} samples)"),
             Self::Supersampled(factor) => {
                 format!("supersampled raster ({} samples)", factor * factor)
             }
@@ -72,9 +77,7 @@ impl Ruler {
         settings: &Settings,
     ) -> Result<Picture, PlayerError> {
         match self {
-            Self::PathTraced(samples) => {
-                traced(gpu, package, size, camera, settings, *samples)
-            }
+            Self::PathTraced(samples) => traced(gpu, package, size, camera, settings, *samples),
             Self::Supersampled(factor) => {
                 let large = size.map(|side| side * factor);
                 let picture = raster(gpu, package, large, camera, settings, SETTLING)?;
@@ -84,11 +87,7 @@ impl Ruler {
     }
 }
 
-/// Linear radiance by path tracing, whatever mode the settings ask for.
-///
-/// # Errors
-/// As [`Ruler::picture`].
-pub fn traced(
+fn traced(
     gpu: &Gpu,
     package: &Package,
     size: [u32; 2],
@@ -112,11 +111,13 @@ pub fn traced(
         ..TraceOptions::default()
     };
     let image = trace_on(gpu, package, &options, &limits)?;
-    let radiance = image.hdr.unwrap_or_default();
+    let Some(radiance) = &image.hdr else {
+        panic!("radiance was asked for")
+    };
     Ok(Picture::from_rgba(
         size[0] as usize,
         size[1] as usize,
-        &radiance,
+        radiance,
     ))
 }
 

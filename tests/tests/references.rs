@@ -23,7 +23,8 @@ struct Picture {
 }
 
 fn read(path: &Path) -> Picture {
-    let image = load_environment(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let image =
+        load_environment(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     Picture {
         width: image.width as usize,
         height: image.height as usize,
@@ -74,9 +75,16 @@ impl Picture {
 
 /// Mean over texels and channels of the difference, relative to the reference plus 0.01, after a 5x5 box.
 fn relative_difference(test: &Picture, reference: &Picture) -> f64 {
-    assert_eq!((test.width, test.height), (reference.width, reference.height));
+    assert_eq!(
+        (test.width, test.height),
+        (reference.width, reference.height)
+    );
     let (test, reference) = (test.blurred(), reference.blurred());
-    let channels = test.texels.as_flattened().iter().zip(reference.texels.as_flattened());
+    let channels = test
+        .texels
+        .as_flattened()
+        .iter()
+        .zip(reference.texels.as_flattened());
     let sum: f64 = channels
         .map(|(a, b)| f64::from((a - b).abs()) / (f64::from(*b) + 0.01))
         .sum();
@@ -88,7 +96,10 @@ fn references(test: &str) -> Option<PathBuf> {
     if path.is_dir() {
         return Some(path);
     }
-    eprintln!("SKIPPED: {test}: no reference pictures at {}", path.display());
+    eprintln!(
+        "SKIPPED: {test}: no reference pictures at {}",
+        path.display()
+    );
     None
 }
 

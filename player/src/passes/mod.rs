@@ -10,6 +10,8 @@ pub mod shadow;
 pub mod skybox;
 pub mod tonemap;
 pub mod transparent;
+#[cfg(feature = "ui")]
+pub mod ui;
 
 #[cfg(test)]
 mod tests;

@@ -1,5 +1,6 @@
 //! Renders packages of a few triangles and compares pixels with what theory says.
 
+mod allocations;
 mod corners;
 mod fixture;
 mod furnace;
