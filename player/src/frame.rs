@@ -9,7 +9,7 @@ use crate::camera::Camera;
 use crate::draw::{DrawList, DrawStats};
 use crate::gpu::{
     Buffer, BufferDesc, Commands, DescriptorSet, FRAMES_IN_FLIGHT, FrameTarget, Gpu, GpuResult,
-    Layouts, Memory, SetIndex, vk,
+    ImageRef, Layouts, Memory, SetIndex, vk,
 };
 use crate::graph::{Graph, Stage, Usage, Uses};
 use crate::lights::Lights;
@@ -19,8 +19,12 @@ use crate::passes::shadow::{Casters, ShadowView};
 use crate::passes::{resolve_color, resolve_surface};
 use crate::plan::{Plan, ShadowMap};
 use crate::scene::{self, GpuScene};
-use crate::settings::{Settings, SpecularOcclusion};
+use crate::settings::{Mode, Settings, SpecularOcclusion};
 use crate::targets::Targets;
+use crate::tracer::Tracer;
+
+/// Draws over the finished picture.
+pub type Overlay<'a> = &'a dyn Fn(&mut Commands, ImageRef<'_>);
 
 /// Draws packages into images of one format and size.
 pub struct Renderer {
@@ -31,6 +35,8 @@ pub struct Renderer {
     graph: Graph,
     targets: Targets,
     passes: Passes,
+    /// The path-traced frame, from its first use on.
+    tracer: Option<Tracer>,
     slots: Vec<Slot>,
     draws: DrawList,
     lights: Lights,
@@ -82,6 +88,7 @@ impl Renderer {
             plan,
             graph,
             targets,
+            tracer: None,
             draws: DrawList::default(),
             lights: Lights::default(),
             shadow: ShadowView::default(),
@@ -96,16 +103,19 @@ impl Renderer {
     /// Failures of Vulkan.
     pub fn resize(&mut self, gpu: &Gpu, extent: [u32; 2]) -> Result<(), PlayerError> {
         self.graph.resize(gpu, extent)?;
+        if let Some(tracer) = &mut self.tracer {
+            tracer.resize(extent)?;
+        }
         self.targets.write(&self.layouts, &self.graph)?;
         self.passes
             .rebind(&self.layouts, &self.graph, &self.targets)?;
         Ok(())
     }
 
-    /// Records one frame into `target`, which has the renderer's extent.
+    /// As [`Renderer::record_under`], with nothing over the picture.
     ///
     /// # Errors
-    /// A package that changed on disk; failures of Vulkan.
+    /// As there.
     pub fn record(
         &mut self,
         commands: &mut Commands,
@@ -115,7 +125,29 @@ impl Renderer {
         settings: &Settings,
         target: FrameTarget<'_>,
     ) -> Result<(), PlayerError> {
+        self.record_under(commands, scene, package, camera, settings, target, None)
+    }
+
+    /// Records one frame into `target`, which has the renderer's extent; `overlay` then draws over the picture, as
+    /// an attachment that it keeps.
+    ///
+    /// # Errors
+    /// A package that changed on disk; failures of Vulkan.
+    #[allow(clippy::too_many_arguments)]
+    pub fn record_under(
+        &mut self,
+        commands: &mut Commands,
+        scene: &GpuScene,
+        package: &Package,
+        camera: &Camera,
+        settings: &Settings,
+        target: FrameTarget<'_>,
+        overlay: Option<Overlay<'_>>,
+    ) -> Result<(), PlayerError> {
         self.follow_settings(scene, package, settings)?;
+        if settings.mode == Mode::PathTrace && self.gpu.traces_rays() {
+            return self.record_traced(commands, scene, package, camera, settings, target);
+        }
         self.graph.advance();
         self.update(commands.slot(), scene, package, camera, settings)?;
         let (parity, extent) = (self.graph.parity(), self.graph.extent());
@@ -210,8 +242,46 @@ impl Renderer {
                 .tonemap
                 .record(commands, layouts, output, settings.tonemap);
         });
+        if let Some(overlay) = overlay {
+            let uses = [(targets.output, Usage::Color)];
+            frame.pass(c"ui", &uses, |commands, images| {
+                overlay(commands, images.get(targets.output));
+            });
+        }
         frame.finish();
         Ok(())
+    }
+
+    fn record_traced(
+        &mut self,
+        commands: &mut Commands,
+        scene: &GpuScene,
+        package: &Package,
+        camera: &Camera,
+        settings: &Settings,
+        target: FrameTarget<'_>,
+    ) -> Result<(), PlayerError> {
+        let (extent, surfaces) = (self.graph.extent(), self.plan.variant);
+        let mut tracer = match self.tracer.take() {
+            Some(tracer) => tracer,
+            None => {
+                let format = self.target_format;
+                let gpu = &self.gpu;
+                Tracer::new(gpu, scene, package, surfaces, format, extent, settings)?
+            }
+        };
+        let uniform = frame_uniform(camera, extent, scene, settings);
+        let samples = settings.path.samples_per_frame;
+        let recorded = tracer.record(
+            commands, scene, package, surfaces, &uniform, settings, samples, target,
+        );
+        self.tracer = Some(tracer);
+        recorded
+    }
+
+    /// Samples per pixel of the path-traced image, where there is one.
+    pub fn traced_samples(&self) -> Option<u32> {
+        self.tracer.as_ref().map(|tracer| tracer.progress().0)
     }
 
     /// Copies the HDR image that the last `record` drew: rows of RGBA half floats.
@@ -346,22 +416,7 @@ impl Slot {
             },
         )?;
         let mut set = scene.layouts.allocate(SetIndex::Frame, "frame")?;
-        set.write_buffer(0, &uniform)?;
-        set.write_buffer(1, &lights)?;
-        set.write_buffer(2, &scene.materials)?;
-        set.write_buffer(3, &scene.instances)?;
-        if let Some(transforms) = &scene.texture_transforms {
-            set.write_buffer(9, transforms)?;
-        }
-        if let Some(colors) = &scene.vertex_colors {
-            set.write_buffer(10, colors)?;
-        }
-        if let Some(lights) = &scene.punctual_lights {
-            set.write_buffer(11, lights)?;
-        }
-        if let Some(extensions) = &scene.material_extensions {
-            set.write_buffer(12, extensions)?;
-        }
+        scene.bind(&mut set, &uniform, &lights)?;
         Ok(Self {
             uniform,
             visible,
@@ -415,6 +470,20 @@ fn visible_capacity(package: &Package) -> Result<u64, PlayerError> {
         )));
     }
     Ok(drawn)
+}
+
+/// The uniform of a frame without history.
+pub(crate) fn frame_uniform(
+    camera: &Camera,
+    extent: [u32; 2],
+    scene: &GpuScene,
+    settings: &Settings,
+) -> GlobalUniform {
+    let mut uniform = camera_uniform(camera, extent);
+    uniform.prev_view_projection = uniform.view_projection;
+    fill_scene(&mut uniform, scene);
+    fill_settings(&mut uniform, settings);
+    uniform
 }
 
 /// Matrices and exposure-free camera fields; the rest is neutral.

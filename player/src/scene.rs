@@ -2,6 +2,7 @@
 
 mod segments;
 mod textures;
+pub mod trace;
 
 use cairn_format::gpu::{Instance, Material};
 use cairn_format::scene::natives;
@@ -156,6 +157,34 @@ impl GpuScene {
         })
     }
 
+    /// Writes the bindings of set 0 that hold this scene, a frame's uniform and its directional lights.
+    ///
+    /// # Errors
+    /// `Limit` where a buffer is larger than a shader may see.
+    pub fn bind(
+        &self,
+        set: &mut DescriptorSet,
+        uniform: &Buffer,
+        lights: &Buffer,
+    ) -> GpuResult<()> {
+        set.write_buffer(0, uniform)?;
+        set.write_buffer(1, lights)?;
+        set.write_buffer(2, &self.materials)?;
+        set.write_buffer(3, &self.instances)?;
+        let optional = [
+            (9, &self.texture_transforms),
+            (10, &self.vertex_colors),
+            (11, &self.punctual_lights),
+            (12, &self.material_extensions),
+        ];
+        for (binding, buffer) in optional {
+            if let Some(buffer) = buffer {
+                set.write_buffer(binding, buffer)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Whether the package has image-based light.
     pub fn has_environment(&self) -> bool {
         self.environment.is_some()
@@ -260,15 +289,26 @@ fn geometry(copy: &mut Copy<'_>, package: &Package) -> Result<Geometry, PlayerEr
         let first = offset as usize / size_of::<Vertex>();
         Ok(check::vertices(bytemuck::cast_slice(bytes), first)?)
     };
-    let usage = vk::BufferUsageFlags::VERTEX_BUFFER;
+    let traced = traced_usage(copy.gpu);
+    let usage = vk::BufferUsageFlags::VERTEX_BUFFER | traced;
     let record = size_of::<Vertex>();
     let vertices = copy.buffer("vertices", usage, vertices, record, check_vertices)?;
     let mut segments = Segments::new(package);
     let check_indices =
         |bytes: &[u8], offset| Ok(segments.check(bytemuck::cast_slice(bytes), offset / 4)?);
-    let usage = vk::BufferUsageFlags::INDEX_BUFFER;
+    let usage = vk::BufferUsageFlags::INDEX_BUFFER | traced;
     let indices = copy.buffer("indices", usage, indices, 4, check_indices)?;
     Ok((Some(vertices), Some(indices)))
+}
+
+/// What acceleration structures ask of vertices and indices.
+fn traced_usage(gpu: &Gpu) -> vk::BufferUsageFlags {
+    if gpu.traces_rays() {
+        vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS
+            | vk::BufferUsageFlags::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR
+    } else {
+        vk::BufferUsageFlags::empty()
+    }
 }
 
 fn instances(copy: &mut Copy<'_>, package: &Package) -> Result<Buffer, PlayerError> {

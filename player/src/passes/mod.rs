@@ -3,12 +3,15 @@
 pub mod compute;
 pub mod depth;
 pub mod forward;
+pub mod pathtrace;
 pub mod resolve_color;
 pub mod resolve_surface;
 pub mod shadow;
 pub mod skybox;
 pub mod tonemap;
 pub mod transparent;
+#[cfg(feature = "ui")]
+pub mod ui;
 
 #[cfg(test)]
 mod tests;
@@ -152,6 +155,15 @@ enum Alpha {
 }
 
 impl Variant {
+    /// Specialisation constants of ray-tracing stages.
+    fn traced_constants(&self) -> Vec<(u32, u32)> {
+        let opaque = Self {
+            debug_view: false,
+            ..*self
+        };
+        opaque.constants(Alpha::Ignored).to_vec()
+    }
+
     /// Specialisation constants of `forward.vert` and `forward.frag`: see `options.glsl`.
     fn constants(&self, alpha: Alpha) -> [(u32, u32); 16] {
         let values = [
