@@ -98,12 +98,11 @@ fn a_white_furnace_closes() {
                 lut: true,
                 ..Fixture::default()
             };
-            let degrees = 50.0_f32;
             let image = trace(
                 &gpu,
                 &fixture,
                 [8, 8],
-                at_angle(degrees),
+                at_angle(50.0),
                 traced(),
                 &samples(512),
             );
