@@ -10,6 +10,7 @@ mod pathtrace;
 mod prepass;
 mod punctual;
 mod renderer;
+mod shading;
 mod shadows;
 mod sky;
 mod surfaces;
