@@ -9,18 +9,23 @@ use crate::camera::Camera;
 use crate::draw::{DrawList, DrawStats};
 use crate::gpu::{
     Buffer, BufferDesc, Commands, DescriptorSet, FRAMES_IN_FLIGHT, FrameTarget, Gpu, GpuResult,
-    Layouts, Memory, SetIndex, vk,
+    ImageRef, Layouts, Load, Memory, SetIndex, vk,
 };
-use crate::graph::{Graph, Stage, Usage, Uses};
+use crate::graph::{FrameGraph, Graph, Stage, Usage, Uses};
 use crate::lights::Lights;
 use crate::passes::Passes;
 use crate::passes::depth::DepthImages;
+use crate::passes::shade::VisiblePush;
 use crate::passes::shadow::{Casters, ShadowView};
-use crate::passes::{resolve_color, resolve_surface};
+use crate::passes::{resolve_color, resolve_surface, shade, surface};
 use crate::plan::{Plan, ShadowMap};
 use crate::scene::{self, GpuScene};
-use crate::settings::{Settings, SpecularOcclusion};
+use crate::settings::{Mode, Settings, SpecularOcclusion};
 use crate::targets::Targets;
+use crate::tracer::Tracer;
+
+/// Draws over the finished picture.
+pub type Overlay<'a> = &'a dyn Fn(&mut Commands, ImageRef<'_>);
 
 /// Draws packages into images of one format and size.
 pub struct Renderer {
@@ -31,8 +36,12 @@ pub struct Renderer {
     graph: Graph,
     targets: Targets,
     passes: Passes,
+    /// The path-traced frame, from its first use on.
+    tracer: Option<Tracer>,
     slots: Vec<Slot>,
     draws: DrawList,
+    /// Pixels that blended surfaces may cover.
+    blended: Option<[u32; 4]>,
     lights: Lights,
     shadow: ShadowView,
     previous_view_projection: Option<Mat4>,
@@ -82,7 +91,9 @@ impl Renderer {
             plan,
             graph,
             targets,
+            tracer: None,
             draws: DrawList::default(),
+            blended: None,
             lights: Lights::default(),
             shadow: ShadowView::default(),
             previous_view_projection: None,
@@ -96,16 +107,19 @@ impl Renderer {
     /// Failures of Vulkan.
     pub fn resize(&mut self, gpu: &Gpu, extent: [u32; 2]) -> Result<(), PlayerError> {
         self.graph.resize(gpu, extent)?;
+        if let Some(tracer) = &mut self.tracer {
+            tracer.resize(extent)?;
+        }
         self.targets.write(&self.layouts, &self.graph)?;
         self.passes
             .rebind(&self.layouts, &self.graph, &self.targets)?;
         Ok(())
     }
 
-    /// Records one frame into `target`, which has the renderer's extent.
+    /// As [`Renderer::record_under`], with nothing over the picture.
     ///
     /// # Errors
-    /// A package that changed on disk; failures of Vulkan.
+    /// As there.
     pub fn record(
         &mut self,
         commands: &mut Commands,
@@ -115,7 +129,29 @@ impl Renderer {
         settings: &Settings,
         target: FrameTarget<'_>,
     ) -> Result<(), PlayerError> {
+        self.record_under(commands, scene, package, camera, settings, target, None)
+    }
+
+    /// Records one frame into `target`, which has the renderer's extent; `overlay` then draws over the picture, as
+    /// an attachment that it keeps.
+    ///
+    /// # Errors
+    /// A package that changed on disk; failures of Vulkan.
+    #[allow(clippy::too_many_arguments)]
+    pub fn record_under(
+        &mut self,
+        commands: &mut Commands,
+        scene: &GpuScene,
+        package: &Package,
+        camera: &Camera,
+        settings: &Settings,
+        target: FrameTarget<'_>,
+        overlay: Option<Overlay<'_>>,
+    ) -> Result<(), PlayerError> {
         self.follow_settings(scene, package, settings)?;
+        if settings.mode == Mode::PathTrace && self.gpu.traces_rays() {
+            return self.record_traced(commands, scene, package, camera, settings, target);
+        }
         self.graph.advance();
         self.update(commands.slot(), scene, package, camera, settings)?;
         let (parity, extent) = (self.graph.parity(), self.graph.extent());
@@ -162,39 +198,81 @@ impl Renderer {
                 depth.record(commands, images, opaque, masked);
             });
         }
+        if let (Some(visibility), Some(triangles)) = (&passes.visibility, targets.visibility) {
+            let uses = [
+                (triangles, Usage::ColorClear),
+                (drawn.depth, Usage::DepthClear),
+            ];
+            frame.pass(c"visibility", &uses, |commands, images| {
+                let (triangles, depth) = (images.get(triangles), images.get(drawn.depth));
+                visibility.record(commands, triangles, depth, opaque, masked);
+            });
+        }
+        let groups = scene.draw_group_count;
+        if let Some(pass) = &passes.surface {
+            let push = VisiblePush::new(groups, None);
+            frame.pass(c"surface", &surface::uses(targets), |commands, _| {
+                commands.push_constants(layouts, &push);
+                pass.record(commands, layouts, parity, extent);
+            });
+        }
         if let Some(resolve) = &passes.resolve_surface {
             let uses = resolve_surface::uses(targets);
             frame.pass(c"resolve surface", &uses, |commands, _| {
                 resolve.record(commands, layouts, parity, extent);
             });
         }
-        let depth_use = match passes.depth {
-            Some(_) => Usage::Depth,
-            None => Usage::DepthClear,
-        };
-        let mut uses = Uses::of(&[(drawn.hdr, Usage::ColorClear), (drawn.depth, depth_use)]);
-        if let Some(shadow) = &targets.shadow {
-            uses.push(shadow.map, Usage::Sampled(Stage::Fragment));
+        if let Some(forward) = &passes.forward {
+            let depth_use = match passes.depth {
+                Some(_) => Usage::Depth,
+                None => Usage::DepthClear,
+            };
+            let mut uses = Uses::of(&[(drawn.hdr, Usage::ColorClear), (drawn.depth, depth_use)]);
+            targets.add_lighting(&mut uses, Stage::Fragment);
+            frame.pass(c"forward", &uses, |commands, images| {
+                let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
+                forward.record(commands, hdr, depth, opaque, masked);
+            });
         }
-        frame.pass(c"forward", &uses, |commands, images| {
-            let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
-            passes.forward.record(commands, hdr, depth, opaque, masked);
-        });
         if let Some(skybox) = &passes.skybox {
             frame.pass(c"skybox", &skybox.uses(targets), |commands, images| {
                 skybox.record(commands, layouts, images, targets, parity);
             });
         }
-        let uses = [(drawn.hdr, Usage::Color), (drawn.depth, Usage::Depth)];
-        if let Some(transparent) = &passes.transparent {
-            let mut uses = Uses::of(&uses);
-            if let Some(shadow) = &targets.shadow {
-                uses.push(shadow.map, Usage::Sampled(Stage::Fragment));
-            }
+        // Several samples that are shaded in compute are blended into a layer, which shading then takes up.
+        let layers = self.plan.compute && self.plan.samples > 1;
+        let layer = self.blended.filter(|_| layers);
+        let whole = [0, 0, extent[0], extent[1]];
+        let blend = |frame: &mut FrameGraph<'_>, load| {
+            let Some(transparent) = &passes.transparent else {
+                return;
+            };
+            let usage = match load {
+                Load::Keep => Usage::Color,
+                _ => Usage::ColorClear,
+            };
+            let mut uses = Uses::of(&[(drawn.hdr, usage), (drawn.depth, Usage::Depth)]);
+            targets.add_lighting(&mut uses, Stage::Fragment);
             frame.pass(c"transparent", &uses, |commands, images| {
                 let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
-                transparent.record(commands, hdr, depth, &draws.blend);
+                let part = layer.unwrap_or(whole);
+                transparent.record(commands, hdr, depth, load, part, &draws.blend);
             });
+        };
+        if layer.is_some() {
+            blend(&mut frame, Load::Clear([0.0; 4]));
+        }
+        if let Some(pass) = &passes.shade {
+            let push = VisiblePush::new(groups, layer);
+            let mut uses = shade::uses(targets, layer.is_some());
+            targets.add_lighting(&mut uses, Stage::Compute);
+            frame.pass(c"shade", &uses, |commands, _| {
+                commands.push_constants(layouts, &push);
+                pass.record(commands, layouts, parity, extent);
+            });
+        }
+        if !layers {
+            blend(&mut frame, Load::Keep);
         }
         if let Some(resolve) = &passes.resolve_color {
             let uses = resolve_color::uses(targets);
@@ -210,8 +288,46 @@ impl Renderer {
                 .tonemap
                 .record(commands, layouts, output, settings.tonemap);
         });
+        if let Some(overlay) = overlay {
+            let uses = [(targets.output, Usage::Color)];
+            frame.pass(c"ui", &uses, |commands, images| {
+                overlay(commands, images.get(targets.output));
+            });
+        }
         frame.finish();
         Ok(())
+    }
+
+    fn record_traced(
+        &mut self,
+        commands: &mut Commands,
+        scene: &GpuScene,
+        package: &Package,
+        camera: &Camera,
+        settings: &Settings,
+        target: FrameTarget<'_>,
+    ) -> Result<(), PlayerError> {
+        let (extent, surfaces) = (self.graph.extent(), self.plan.variant);
+        let mut tracer = match self.tracer.take() {
+            Some(tracer) => tracer,
+            None => {
+                let format = self.target_format;
+                let gpu = &self.gpu;
+                Tracer::new(gpu, scene, package, surfaces, format, extent, settings)?
+            }
+        };
+        let uniform = frame_uniform(camera, extent, scene, settings);
+        let samples = settings.path.samples_per_frame;
+        let recorded = tracer.record(
+            commands, scene, package, surfaces, &uniform, settings, samples, target,
+        );
+        self.tracer = Some(tracer);
+        recorded
+    }
+
+    /// Samples per pixel of the path-traced image, where there is one.
+    pub fn traced_samples(&self) -> Option<u32> {
+        self.tracer.as_ref().map(|tracer| tracer.progress().0)
     }
 
     /// Copies the HDR image that the last `record` drew: rows of RGBA half floats.
@@ -292,6 +408,7 @@ impl Renderer {
             &frustum,
             camera.position,
         );
+        self.blended = self.draws.blended_part(&bounds, &view_projection, extent);
         let slot = &mut self.slots[slot];
         if let (Some(casters), Some(light)) = (&mut slot.casters, self.lights.shadowed) {
             let [width, height] = extent.map(|size| size as f32);
@@ -346,21 +463,14 @@ impl Slot {
             },
         )?;
         let mut set = scene.layouts.allocate(SetIndex::Frame, "frame")?;
-        set.write_buffer(0, &uniform)?;
-        set.write_buffer(1, &lights)?;
-        set.write_buffer(2, &scene.materials)?;
-        set.write_buffer(3, &scene.instances)?;
-        if let Some(transforms) = &scene.texture_transforms {
-            set.write_buffer(9, transforms)?;
-        }
-        if let Some(colors) = &scene.vertex_colors {
-            set.write_buffer(10, colors)?;
-        }
-        if let Some(lights) = &scene.punctual_lights {
-            set.write_buffer(11, lights)?;
-        }
-        if let Some(extensions) = &scene.material_extensions {
-            set.write_buffer(12, extensions)?;
+        scene.bind(&mut set, &uniform, &lights)?;
+        let limit = u64::from(gpu.limits().max_storage_buffer_range);
+        let arenas = [&scene.vertices, &scene.indices, &scene.draw_groups];
+        for (binding, arena) in (13..).zip(arenas) {
+            // A plan shades in compute only where all three fit.
+            if let Some(arena) = arena.as_ref().filter(|arena| arena.size() <= limit) {
+                set.write_buffer(binding, arena)?;
+            }
         }
         Ok(Self {
             uniform,
@@ -415,6 +525,20 @@ fn visible_capacity(package: &Package) -> Result<u64, PlayerError> {
         )));
     }
     Ok(drawn)
+}
+
+/// The uniform of a frame without history.
+pub(crate) fn frame_uniform(
+    camera: &Camera,
+    extent: [u32; 2],
+    scene: &GpuScene,
+    settings: &Settings,
+) -> GlobalUniform {
+    let mut uniform = camera_uniform(camera, extent);
+    uniform.prev_view_projection = uniform.view_projection;
+    fill_scene(&mut uniform, scene);
+    fill_settings(&mut uniform, settings);
+    uniform
 }
 
 /// Matrices and exposure-free camera fields; the rest is neutral.

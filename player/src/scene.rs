@@ -2,6 +2,7 @@
 
 mod segments;
 mod textures;
+pub mod trace;
 
 use cairn_format::gpu::{Instance, Material};
 use cairn_format::scene::natives;
@@ -37,6 +38,10 @@ pub struct GpuScene {
     pub texture_transforms: Option<Buffer>,
     /// Point and spot light records; absent where the package has none.
     pub punctual_lights: Option<Buffer>,
+    /// Draw group records; absent where there is nothing to draw.
+    pub draw_groups: Option<Buffer>,
+    /// Records in `draw_groups`.
+    pub draw_group_count: u32,
     /// Records in `punctual_lights`.
     pub punctual_light_count: u32,
     /// Further lobes, one record per material; absent where no material has any.
@@ -118,6 +123,7 @@ impl GpuScene {
         let vertex_colors = vertex_colors(&mut copy, package, vertices.is_some())?;
         let texture_transforms = texture_transforms(&mut copy, package)?;
         let punctual_lights = punctual_lights(&mut copy, package)?;
+        let draw_groups = draw_groups(&mut copy, package)?;
         let material_extensions = material_extensions(&mut copy, package)?;
         let buffer_bytes = copy.uploader.bytes();
         let textures = Textures::upload(gpu, &mut uploader, package)?;
@@ -145,6 +151,8 @@ impl GpuScene {
             vertex_colors,
             texture_transforms,
             punctual_lights,
+            draw_groups,
+            draw_group_count: package.count(SectionKind::DrawGroups) as u32,
             punctual_light_count: package.count(SectionKind::PunctualLights) as u32,
             material_extensions,
             layouts,
@@ -154,6 +162,34 @@ impl GpuScene {
             stats,
             _textures: textures,
         })
+    }
+
+    /// Writes the bindings of set 0 that hold this scene, a frame's uniform and its directional lights.
+    ///
+    /// # Errors
+    /// `Limit` where a buffer is larger than a shader may see.
+    pub fn bind(
+        &self,
+        set: &mut DescriptorSet,
+        uniform: &Buffer,
+        lights: &Buffer,
+    ) -> GpuResult<()> {
+        set.write_buffer(0, uniform)?;
+        set.write_buffer(1, lights)?;
+        set.write_buffer(2, &self.materials)?;
+        set.write_buffer(3, &self.instances)?;
+        let optional = [
+            (9, &self.texture_transforms),
+            (10, &self.vertex_colors),
+            (11, &self.punctual_lights),
+            (12, &self.material_extensions),
+        ];
+        for (binding, buffer) in optional {
+            if let Some(buffer) = buffer {
+                set.write_buffer(binding, buffer)?;
+            }
+        }
+        Ok(())
     }
 
     /// Whether the package has image-based light.
@@ -260,15 +296,26 @@ fn geometry(copy: &mut Copy<'_>, package: &Package) -> Result<Geometry, PlayerEr
         let first = offset as usize / size_of::<Vertex>();
         Ok(check::vertices(bytemuck::cast_slice(bytes), first)?)
     };
-    let usage = vk::BufferUsageFlags::VERTEX_BUFFER;
+    let traced = traced_usage(copy.gpu);
+    let usage = vk::BufferUsageFlags::VERTEX_BUFFER | traced | vk::BufferUsageFlags::STORAGE_BUFFER;
     let record = size_of::<Vertex>();
     let vertices = copy.buffer("vertices", usage, vertices, record, check_vertices)?;
     let mut segments = Segments::new(package);
     let check_indices =
         |bytes: &[u8], offset| Ok(segments.check(bytemuck::cast_slice(bytes), offset / 4)?);
-    let usage = vk::BufferUsageFlags::INDEX_BUFFER;
+    let usage = vk::BufferUsageFlags::INDEX_BUFFER | traced | vk::BufferUsageFlags::STORAGE_BUFFER;
     let indices = copy.buffer("indices", usage, indices, 4, check_indices)?;
     Ok((Some(vertices), Some(indices)))
+}
+
+/// What acceleration structures ask of vertices and indices.
+fn traced_usage(gpu: &Gpu) -> vk::BufferUsageFlags {
+    if gpu.traces_rays() {
+        vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS
+            | vk::BufferUsageFlags::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR
+    } else {
+        vk::BufferUsageFlags::empty()
+    }
 }
 
 fn instances(copy: &mut Copy<'_>, package: &Package) -> Result<Buffer, PlayerError> {
@@ -310,6 +357,12 @@ fn texture_transforms(
     copy.optional(kind, bytes, true, |bytes, _| {
         Ok(check::texture_transforms(bytemuck::cast_slice(bytes))?)
     })
+}
+
+/// That every group is in range was checked when the package was opened.
+fn draw_groups(copy: &mut Copy<'_>, package: &Package) -> Result<Option<Buffer>, PlayerError> {
+    let bytes = bytemuck::cast_slice(package.draw_groups()?);
+    copy.optional(SectionKind::DrawGroups, bytes, true, |_, _| Ok(()))
 }
 
 fn punctual_lights(copy: &mut Copy<'_>, package: &Package) -> Result<Option<Buffer>, PlayerError> {

@@ -21,6 +21,9 @@ pub mod table;
 use table::Kind::{Choice, Degrees, Integer, Number, OneOf, Switch};
 use table::{choice, group};
 
+/// Reach of ambient occlusion where none is set, as a share of the scene's diagonal.
+pub const AO_RADIUS_SHARE: f32 = 0.1;
+
 choice! {
     /// What draws the frame.
     pub enum Mode {
@@ -28,6 +31,16 @@ choice! {
         Raster = "raster",
         /// The path-traced reference, where the device can trace rays.
         PathTrace = "path-trace",
+    }
+}
+
+choice! {
+    /// Sample coordinates of the path tracer.
+    pub enum PathSampler {
+        /// Owen-scrambled Sobol points.
+        Owen = "owen",
+        /// Independent random numbers, what the others are measured against.
+        Independent = "independent",
     }
 }
 
@@ -52,6 +65,18 @@ choice! {
         Agx = "agx",
         /// Khronos PBR Neutral.
         Neutral = "neutral",
+    }
+}
+
+choice! {
+    /// Where surfaces are shaded.
+    pub enum Shading {
+        /// In compute on GPUs, in fragments on software devices.
+        Auto = "auto",
+        /// In fragments, as they are drawn.
+        Forward = "forward",
+        /// In compute, from a target that holds which triangle is seen.
+        Compute = "compute",
     }
 }
 
@@ -214,6 +239,12 @@ group! {
         sample_emitters: bool = true, Switch;
         /// Samples per pixel in a frame.
         samples_per_frame: u32 = 1, Integer(1, 1024);
+        /// Where sample coordinates come from.
+        sampler: PathSampler = PathSampler::Owen, Choice(PathSampler::CHOICES);
+        /// Seed of the samples.
+        seed: u32 = 0, Integer(0, 0x7fff_ffff);
+        /// Texture levels follow the width of rays; otherwise the finest is read.
+        lod: bool = true, Switch;
     }
 }
 
@@ -239,6 +270,8 @@ group! {
         debug_view: u32 = 0, Integer(0, 12);
         /// Samples per pixel.
         msaa: u32 = 1, OneOf(&[1, 2, 4, 8]);
+        /// Where surfaces are shaded.
+        shading: Shading = Shading::Auto, Choice(Shading::CHOICES);
         /// Depth before shading.
         prepass: Prepass = Prepass::Auto, Choice(Prepass::CHOICES);
         + light: LightSettings;

@@ -1,18 +1,22 @@
 //! Renders packages of a few triangles and compares pixels with what theory says.
 
+mod allocations;
 mod corners;
 mod fixture;
 mod furnace;
 mod lighting;
 mod output;
+mod pathtrace;
 mod prepass;
 mod punctual;
 mod renderer;
+mod shading;
 mod shadows;
 mod sky;
 mod surfaces;
 mod texture_transforms;
 mod tonemap;
+mod traced;
 mod twin;
 mod variants;
 mod vertex_colors;
