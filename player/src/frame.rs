@@ -150,7 +150,7 @@ impl Renderer {
     ) -> Result<(), PlayerError> {
         self.follow_settings(scene, package, settings)?;
         if settings.mode == Mode::PathTrace && self.gpu.traces_rays() {
-            return self.record_traced(commands, scene, package, camera, settings, target);
+            return self.record_traced(commands, scene, package, camera, settings, target, overlay);
         }
         self.graph.advance();
         self.update(commands.slot(), scene, package, camera, settings)?;
@@ -298,6 +298,7 @@ impl Renderer {
         Ok(())
     }
 
+    #[allow(clippy::too_many_arguments)]
     fn record_traced(
         &mut self,
         commands: &mut Commands,
@@ -306,6 +307,7 @@ impl Renderer {
         camera: &Camera,
         settings: &Settings,
         target: FrameTarget<'_>,
+        overlay: Option<Overlay<'_>>,
     ) -> Result<(), PlayerError> {
         let (extent, surfaces) = (self.graph.extent(), self.plan.variant);
         let mut tracer = match self.tracer.take() {
@@ -319,7 +321,7 @@ impl Renderer {
         let uniform = frame_uniform(camera, extent, scene, settings);
         let samples = settings.path.samples_per_frame;
         let recorded = tracer.record(
-            commands, scene, package, surfaces, &uniform, settings, samples, target,
+            commands, scene, package, surfaces, &uniform, settings, samples, target, overlay,
         );
         self.tracer = Some(tracer);
         recorded
