@@ -10,11 +10,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 /// Folders of entry points, below the crate.
-const ENTRY_FOLDERS: [&str; 2] = ["raster", "tests"];
+const ENTRY_FOLDERS: [&str; 3] = ["pathtrace", "raster", "tests"];
 /// Folder of included files.
 const INCLUDE_FOLDER: &str = "common";
 /// Extensions of entry points.
-const STAGES: [&str; 3] = ["vert", "frag", "comp"];
+const STAGES: [&str; 7] = ["vert", "frag", "comp", "rgen", "rchit", "rahit", "rmiss"];
 
 const MISSING_COMPILER: &str = "no GLSL compiler found: looked at $CAIRN_GLSLANG, then for `glslangValidator` \
      and `glslc` in PATH. Install Debian/Ubuntu package `glslang-tools`, or the Vulkan SDK \

@@ -1,7 +1,9 @@
 //! Bakes glTF 2.0 and an HDR environment into one Cairn package: import -> prepare -> encode -> write.
 
+pub mod alias;
 pub mod args;
 pub mod diagnostic;
+pub mod emitters;
 pub mod encode;
 pub mod environment;
 pub mod import;

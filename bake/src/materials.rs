@@ -37,6 +37,8 @@ pub struct Plan {
     pub transforms: Vec<gpu::TextureTransform>,
     /// One record per used material.
     pub materials: Vec<gpu::Material>,
+    /// One record per material; empty where no material has a further lobe.
+    pub extensions: Vec<gpu::MaterialExtension>,
     pub names: Vec<String>,
     /// Feature bits that follow from textures.
     pub features: u32,
@@ -53,7 +55,12 @@ pub fn plan(scene: &Scene, used: &[Option<u32>]) -> Plan {
         };
         let record = plan.record(scene, material);
         plan.materials.push(record);
+        let extension = plan.extension(scene, material);
+        plan.extensions.push(extension);
         plan.names.push(material.name.clone());
+    }
+    if plan.extensions.iter().all(|extension| extension.lobes == 0) {
+        plan.extensions.clear();
     }
     let moves = |slot: &Slot| slot.transform != UvTransform::IDENTITY;
     if plan.slots.iter().any(moves) {
@@ -104,6 +111,44 @@ impl Plan {
             alpha_mode: alpha_mode(material.alpha_mode),
             double_sided: flags(material),
         }
+    }
+
+    fn extension(&mut self, scene: &Scene, material: &Material) -> gpu::MaterialExtension {
+        let uses = MaterialUse::of(Some(material));
+        let lobes = &material.lobes;
+        let color = |plan: &mut Self, texture| {
+            plan.reference(scene, texture, Role::Color, AlphaUse::Ignore)
+        };
+        let data =
+            |plan: &mut Self, texture, alpha| plan.reference(scene, texture, Role::Data, alpha);
+        let mut record = gpu::MaterialExtension {
+            lobes: uses.lobes,
+            ..gpu::MaterialExtension::default()
+        };
+        if uses.lobes & gpu::LOBE_CLEARCOAT != 0 {
+            record.clearcoat_factor = lobes.clearcoat;
+            record.clearcoat_roughness = lobes.clearcoat_roughness;
+            record.clearcoat_normal_scale = lobes.clearcoat_normal_scale;
+            record.clearcoat_tex = data(self, uses.clearcoat, AlphaUse::Ignore);
+            record.clearcoat_roughness_tex = data(self, uses.clearcoat_roughness, AlphaUse::Ignore);
+            let normal = uses.clearcoat_normal;
+            record.clearcoat_normal_tex =
+                self.reference(scene, normal, Role::Normal, AlphaUse::Ignore);
+        }
+        if uses.lobes & gpu::LOBE_SPECULAR != 0 {
+            record.specular_factor = lobes.specular;
+            record.specular_color = lobes.specular_color.to_array();
+            record.dielectric_f0 = dielectric_f0(lobes.ior);
+            record.specular_tex = data(self, uses.specular, AlphaUse::Value);
+            record.specular_color_tex = color(self, uses.specular_color);
+        }
+        if uses.lobes & gpu::LOBE_SHEEN != 0 {
+            record.sheen_color = lobes.sheen_color.to_array();
+            record.sheen_roughness = lobes.sheen_roughness;
+            record.sheen_color_tex = color(self, uses.sheen_color);
+            record.sheen_roughness_tex = data(self, uses.sheen_roughness, AlphaUse::Value);
+        }
+        record
     }
 
     fn reference(
@@ -159,6 +204,12 @@ impl Plan {
     }
 }
 
+/// Reflectance at normal incidence of a dielectric in air (`KHR_materials_ior`); 1 for an index of 0.
+fn dielectric_f0(ior: f32) -> f32 {
+    let ior = f64::from(ior);
+    ((ior - 1.0) / (ior + 1.0)).powi(2) as f32
+}
+
 /// `alpha_mode` of a material record.
 pub fn alpha_mode(mode: AlphaMode) -> u32 {
     match mode {
@@ -196,7 +247,7 @@ fn find_or_push<T: PartialEq>(list: &mut Vec<T>, value: T) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Image, Texture};
+    use crate::scene::{Image, Lobes, Texture};
     use glam::Vec3;
 
     fn textured() -> Scene {
@@ -270,6 +321,44 @@ mod tests {
         assert_eq!(plan.transforms[2].matrix, turned.matrix);
         assert_eq!(plan.transforms[3].offset, [0.5, 0.0]);
         assert!(plan.features & features::TEXTURE_TRANSFORMS != 0);
+    }
+
+    #[test]
+    fn lobes_have_records_where_a_material_uses_one() {
+        let mut scene = textured();
+        scene.materials[0].metallic = 0.0;
+        scene.materials.push(scene.materials[0].clone());
+        assert!(plan(&scene, &[Some(0), Some(1)]).extensions.is_empty());
+        let texture = Some(TextureRef::new(0, 0));
+        scene.materials[1].lobes = Lobes {
+            specular: 0.5,
+            specular_texture: texture,
+            specular_color_texture: texture,
+            clearcoat_texture: texture,
+            ior: 0.0,
+            ..Lobes::default()
+        };
+        let plan = plan(&scene, &[Some(0), Some(1)]);
+        assert_eq!(plan.extensions.len(), 2);
+        assert_eq!(plan.extensions[0], gpu::MaterialExtension::default());
+        let record = plan.extensions[1];
+        assert_eq!(record.lobes, gpu::LOBE_SPECULAR);
+        assert_eq!((record.specular_factor, record.dielectric_f0), (0.5, 1.0));
+        assert_eq!(record.clearcoat_tex, gpu::NO_TEXTURE);
+        let image = |slot: u32| plan.images[plan.slots[slot as usize].image as usize];
+        let specular = image(record.specular_tex);
+        assert_eq!(
+            (specular.role, specular.alpha),
+            (Role::Data, AlphaUse::Value)
+        );
+        assert_eq!(record.specular_color_tex, plan.materials[0].base_color_tex);
+    }
+
+    #[test]
+    fn indices_of_refraction_give_their_reflectance() {
+        for (ior, expected) in [(1.5, 0.04), (1.0, 0.0), (0.0, 1.0), (2.0, 1.0 / 9.0)] {
+            assert_eq!(dielectric_f0(ior), expected as f32, "{ior}");
+        }
     }
 
     #[test]

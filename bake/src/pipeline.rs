@@ -18,7 +18,7 @@ use crate::progress::Progress;
 use crate::report::{Row, Section, Stage, Summary};
 use crate::scene::{Origin, Sampler, Scene, Source, Wrap};
 use crate::textures::{self, Texels};
-use crate::{sky, write};
+use crate::{emitters, sky, write};
 
 /// What to bake, and how.
 #[derive(Clone, Debug)]
@@ -49,7 +49,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         .transpose()?;
     clock.lap("import");
 
-    let prepared = prepare(&mut scene, &|fraction| {
+    let mut prepared = prepare(&mut scene, &|fraction| {
         progress.update("geometry", fraction)
     })?;
     let geometry_seconds = clock.lap("geometry");
@@ -75,6 +75,15 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     drop(encoded);
     clock.lap("textures");
 
+    emitters::weigh(
+        &scene,
+        &prepared.materials_used,
+        &mut prepared.emissive_triangles,
+        options.limit_pixels,
+    )?;
+    let emissive_table = emitters::table(&prepared.emissive_triangles);
+    clock.lap("emitters");
+
     let light = store_environment(&mut texels, environment.as_mut(), &prepared, progress);
     clock.lap("environment");
 
@@ -86,12 +95,16 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         plan: &plan,
         stored: &stored,
         texels: &texels,
-        light,
+        light: &light,
     };
     let root = assemble(options, products);
     let bounds =
         [&prepared.instance_bounds, &prepared.cluster_bounds].map(|boxes| to_arrays(boxes));
-    let writer = sections(&prepared, &plan, &bounds, &texels);
+    let mut writer = sections(&prepared, &plan, &bounds, &texels, &light);
+    writer.bytes(
+        SectionKind::EmissiveAlias,
+        bytemuck::cast_slice::<_, u8>(&emissive_table),
+    );
     let (package_bytes, content_hash) = write::write(&options.output, &writer, &root)?;
     clock.lap("write");
     progress.update("write", 1.0);
@@ -157,8 +170,13 @@ fn refuse_to_overwrite_an_input(options: &Options) -> Result<()> {
     }
 }
 
-/// The environment's root record and the index of the BRDF table.
-type StoredLight = (Option<root::Environment>, Option<u32>);
+/// What the stored environment adds to the root, and its importance table's section.
+#[derive(Default)]
+struct StoredLight {
+    environment: Option<root::Environment>,
+    brdf_lut: Option<u32>,
+    alias: Vec<u8>,
+}
 
 fn store_environment(
     texels: &mut Texels,
@@ -166,15 +184,22 @@ fn store_environment(
     prepared: &Prepared,
     progress: &dyn Progress,
 ) -> StoredLight {
-    let environment = image.map(|image| {
+    let mut light = StoredLight::default();
+    if let Some(image) = image {
         let products = sky::bake(image, &|stage, fraction| {
             progress.update(&format!("environment: {stage}"), fraction);
         });
-        sky::store(texels, image, &products)
-    });
-    let lit = environment.is_some() || !prepared.lights.is_empty();
-    let lut = lit.then(|| sky::store_lut(texels));
-    (environment, lut)
+        light.environment = Some(sky::store(texels, image, &products));
+        light.alias = products
+            .importance
+            .map_or(Vec::new(), |table| table.to_bytes());
+    }
+    let lights = !prepared.lights.is_empty() || !prepared.emissive_triangles.is_empty();
+    let sheen = prepared.features & features::SHEEN != 0;
+    if light.environment.is_some() || lights || sheen {
+        light.brdf_lut = Some(sky::store_lut(texels, sheen));
+    }
+    light
 }
 
 fn sections<'a>(
@@ -182,6 +207,7 @@ fn sections<'a>(
     plan: &'a Plan,
     [instance_bounds, cluster_bounds]: &'a [Vec<f32>; 2],
     texels: &'a Texels,
+    light: &'a StoredLight,
 ) -> Writer<'a> {
     let mut writer = Writer::new();
     writer
@@ -206,7 +232,10 @@ fn sections<'a>(
         .records(SectionKind::EmissiveTriangles, &prepared.emissive_triangles)
         .records(SectionKind::TextureTransforms, &plan.transforms)
         .records(SectionKind::VertexColors, &prepared.colors)
-        .bytes(SectionKind::Texels, texels.bytes.as_slice());
+        .records(SectionKind::PunctualLights, &prepared.punctual_lights)
+        .records(SectionKind::MaterialExtensions, &plan.extensions)
+        .bytes(SectionKind::Texels, texels.bytes.as_slice())
+        .bytes(SectionKind::EnvAlias, light.alias.as_slice());
     writer
 }
 
@@ -219,7 +248,7 @@ struct Products<'a> {
     /// Stored image of each of the plan's images.
     stored: &'a [u32],
     texels: &'a Texels,
-    light: StoredLight,
+    light: &'a StoredLight,
 }
 
 fn assemble(options: &Options, products: Products) -> root::Scene {
@@ -230,13 +259,12 @@ fn assemble(options: &Options, products: Products) -> root::Scene {
         plan,
         stored,
         texels,
-        light: (light, brdf_lut),
+        light,
     } = products;
-    let environment_bit = if light.is_some() {
-        features::ENVIRONMENT
-    } else {
-        0
-    };
+    let environment_bits = light.environment.as_ref().map_or(0, |environment| {
+        let sun = environment.sun.as_ref().map_or(0, |_| features::SUN);
+        features::ENVIRONMENT | sun
+    });
     let textures = plan.slots.iter().map(|slot| root::Texture {
         image: stored[slot.image as usize],
         sampler: slot.sampler,
@@ -251,7 +279,7 @@ fn assemble(options: &Options, products: Products) -> root::Scene {
     };
     root::Scene {
         name: scene.name.clone(),
-        features: prepared.features | plan.features | environment_bit,
+        features: prepared.features | plan.features | environment_bits,
         bounds,
         meshes: prepared.meshes.clone(),
         primitives: prepared.primitives.clone(),
@@ -265,8 +293,8 @@ fn assemble(options: &Options, products: Products) -> root::Scene {
         samplers: plan.samplers.iter().map(sampler).collect(),
         lights: prepared.lights.clone(),
         cameras: prepared.cameras.clone(),
-        environment: light,
-        brdf_lut,
+        environment: light.environment.clone(),
+        brdf_lut: light.brdf_lut,
         provenance: provenance(options, scene, panorama),
         report: prepared
             .report

@@ -154,6 +154,56 @@ pub struct Material {
     pub normal_texture: Option<TextureRef>,
     pub occlusion_texture: Option<TextureRef>,
     pub emissive_texture: Option<TextureRef>,
+    pub lobes: Lobes,
+}
+
+/// What `KHR_materials_clearcoat`, `specular`, `ior` and `sheen` add to metallic-roughness; the default adds nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lobes {
+    /// 0..=1; 0 is no coat.
+    pub clearcoat: f32,
+    /// Perceptual, 0..=1.
+    pub clearcoat_roughness: f32,
+    pub clearcoat_normal_scale: f32,
+    /// At least 1, or 0: a dielectric that reflects everything.
+    pub ior: f32,
+    /// 0..=1.
+    pub specular: f32,
+    /// Linear RGB, not negative.
+    pub specular_color: Vec3,
+    /// Linear RGB, 0..=1; black is no sheen.
+    pub sheen_color: Vec3,
+    /// Perceptual, 0..=1.
+    pub sheen_roughness: f32,
+    pub clearcoat_texture: Option<TextureRef>,
+    pub clearcoat_roughness_texture: Option<TextureRef>,
+    pub clearcoat_normal_texture: Option<TextureRef>,
+    pub specular_texture: Option<TextureRef>,
+    pub specular_color_texture: Option<TextureRef>,
+    pub sheen_color_texture: Option<TextureRef>,
+    pub sheen_roughness_texture: Option<TextureRef>,
+}
+
+impl Default for Lobes {
+    fn default() -> Self {
+        Self {
+            clearcoat: 0.0,
+            clearcoat_roughness: 0.0,
+            clearcoat_normal_scale: 1.0,
+            ior: 1.5,
+            specular: 1.0,
+            specular_color: Vec3::ONE,
+            sheen_color: Vec3::ZERO,
+            sheen_roughness: 0.0,
+            clearcoat_texture: None,
+            clearcoat_roughness_texture: None,
+            clearcoat_normal_texture: None,
+            specular_texture: None,
+            specular_color_texture: None,
+            sheen_color_texture: None,
+            sheen_roughness_texture: None,
+        }
+    }
 }
 
 impl Default for Material {
@@ -176,6 +226,7 @@ impl Default for Material {
             normal_texture: None,
             occlusion_texture: None,
             emissive_texture: None,
+            lobes: Lobes::default(),
         }
     }
 }

@@ -5,7 +5,7 @@ use cairn_format::scene::{Environment, ImageRole};
 
 use crate::environment::{
     Cube, DEFAULT_LUT_SIZE, EnvironmentOptions, EnvironmentProducts, Equirect, bake_environment,
-    brdf_lut, level_to_rgba16f,
+    brdf_lut, level_roughness, level_to_rgba16f,
 };
 use crate::import::EnvironmentImage;
 use crate::report::Row;
@@ -34,10 +34,17 @@ pub fn store(
     products: &EnvironmentProducts,
 ) -> Environment {
     let replaced = &image.replaced;
+    let levels = products.prefiltered.levels.len();
     let environment = Environment {
         sky: push_cube(texels, "sky", &products.sky),
         irradiance: push_cube(texels, "irradiance", &products.irradiance),
         prefiltered: push_cube(texels, "prefiltered", &products.prefiltered),
+        prefiltered_roughness: (0..levels)
+            .map(|level| level_roughness(level, levels) as f32)
+            .collect(),
+        scale: 1.0,
+        sun: None,
+        irradiance_sh: products.irradiance_sh,
         source_width: image.width,
         source_height: image.height,
         replaced_texels: replaced.nan + replaced.infinite + replaced.negative,
@@ -68,8 +75,8 @@ pub fn store(
 }
 
 /// Appends the BRDF table; returns its image index.
-pub fn store_lut(texels: &mut Texels) -> u32 {
-    let halves: Vec<u8> = brdf_lut(LUT_SIZE)
+pub fn store_lut(texels: &mut Texels, sheen: bool) -> u32 {
+    let halves: Vec<u8> = brdf_lut(LUT_SIZE, sheen)
         .iter()
         .flatten()
         .flat_map(|value| half::f16::from_f32(*value).to_le_bytes())

@@ -1,14 +1,16 @@
 //! Every validation rule of a package, one function each.
 
 mod bulk;
+mod environment;
 
 use std::ops::Range;
 
 use crate::bounds::{CLUSTER, padded};
 use crate::error::{Error, Part, Result};
 use crate::gpu::{
-    ALPHA_BLEND, DRAW_DOUBLE_SIDED, DRAW_MIRRORED, DrawGroup, MATERIAL_DOUBLE_SIDED,
-    MATERIAL_UNLIT, Material, NO_TEXTURE, TEXTURE_UV1,
+    ALPHA_BLEND, DRAW_DOUBLE_SIDED, DRAW_MIRRORED, DrawGroup, LOBE_CLEARCOAT, LOBE_SHEEN,
+    LOBE_SPECULAR, MATERIAL_DOUBLE_SIDED, MATERIAL_UNLIT, Material, MaterialExtension, NO_TEXTURE,
+    PunctualLight, TEXTURE_UV1,
 };
 use crate::header::{
     ALIGNMENT, ENTRY_BYTES, FORMAT_VERSION, HEADER_BYTES, Header, MAGIC, PAGE, SectionEntry,
@@ -20,7 +22,8 @@ use crate::section::SectionKind;
 use crate::texture::{full_mip_count, mip_extent};
 
 pub(crate) use bulk::{bulk, hashes_and_padding};
-pub use bulk::{indices, instances, texture_transforms, vertices};
+pub use bulk::{emissive, emits, indices, instances, mesh_instances, texture_transforms, vertices};
+pub use environment::env_alias;
 
 /// Largest width or height of an image.
 pub const MAX_IMAGE_EXTENT: u32 = 1 << 16;
@@ -145,8 +148,10 @@ pub(crate) fn root(package: &Package) -> Result<()> {
     images(package, scene)?;
     textures(scene)?;
     lights_and_cameras(scene)?;
-    environment(scene)?;
+    environment::environment(package, scene)?;
     materials(package.materials()?, scene.textures.len())?;
+    material_extensions(package.material_extensions()?, scene.textures.len())?;
+    punctual_lights(package.punctual_lights()?)?;
     draw_groups(package, scene)
 }
 
@@ -216,6 +221,10 @@ fn optional_counts(package: &Package, scene: &ArchivedScene) -> Result<()> {
             package.count(SectionKind::Vertices),
         ),
         (SectionKind::ClusterBounds, padded(clusters) as u64 * 6),
+        (
+            SectionKind::MaterialExtensions,
+            package.count(SectionKind::Materials),
+        ),
     ];
     for (kind, expected) in expected {
         let count = package.count(kind);
@@ -371,35 +380,6 @@ fn lights_and_cameras(scene: &ArchivedScene) -> Result<()> {
     Ok(())
 }
 
-fn environment(scene: &ArchivedScene) -> Result<()> {
-    let layers = |image: u32| {
-        scene
-            .images
-            .get(image as usize)
-            .map(|image| image.layers.to_native())
-    };
-    if let Some(environment) = scene.environment.as_ref() {
-        for image in [
-            environment.sky,
-            environment.irradiance,
-            environment.prefiltered,
-        ] {
-            if layers(image.to_native()) != Some(6) {
-                return Err(root_error(format!("environment: image {image} is no cube")));
-            }
-        }
-        if scene.brdf_lut.is_none() {
-            return Err(root_error("environment without a BRDF table"));
-        }
-    }
-    match scene.brdf_lut.as_ref() {
-        Some(image) if layers(image.to_native()) != Some(1) => Err(root_error(format!(
-            "BRDF table: image {image} is no 2D image"
-        ))),
-        _ => Ok(()),
-    }
-}
-
 /// Material records: modes, flags and texture references in range, factors finite.
 pub fn materials(materials: &[Material], textures: usize) -> Result<()> {
     for (index, material) in materials.iter().enumerate() {
@@ -417,12 +397,8 @@ pub fn materials(materials: &[Material], textures: usize) -> Result<()> {
             material.normal_tex,
             material.occlusion_tex,
         ];
-        let in_range = |reference: &u32| (reference & !TEXTURE_UV1) < textures as u32;
-        if let Some(bad) = references
-            .iter()
-            .find(|texture| **texture != NO_TEXTURE && !in_range(texture))
-        {
-            return fail(format!("texture reference {bad:#x} of {textures} textures"));
+        if let Some(what) = dangling(&references, textures) {
+            return fail(what);
         }
         let scalars = [
             material.metallic_factor,
@@ -439,6 +415,66 @@ pub fn materials(materials: &[Material], textures: usize) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// What is wrong with the first reference that names no texture of the package.
+fn dangling(references: &[u32], textures: usize) -> Option<String> {
+    let bad = |reference: &&u32| {
+        **reference != NO_TEXTURE && (**reference & !TEXTURE_UV1) >= textures as u32
+    };
+    let bad = references.iter().find(bad)?;
+    Some(format!("texture reference {bad:#x} of {textures} textures"))
+}
+
+/// Material extension records: bits known, texture references in range, factors finite.
+pub fn material_extensions(records: &[MaterialExtension], textures: usize) -> Result<()> {
+    for (index, record) in records.iter().enumerate() {
+        let fail = |what: String| Err(section_error(SectionKind::MaterialExtensions, index, what));
+        if record.lobes & !(LOBE_CLEARCOAT | LOBE_SPECULAR | LOBE_SHEEN) != 0 {
+            return fail(format!("lobes {:#x}", record.lobes));
+        }
+        let references = [
+            record.clearcoat_tex,
+            record.clearcoat_roughness_tex,
+            record.clearcoat_normal_tex,
+            record.specular_tex,
+            record.specular_color_tex,
+            record.sheen_color_tex,
+            record.sheen_roughness_tex,
+        ];
+        if let Some(what) = dangling(&references, textures) {
+            return fail(what);
+        }
+        let scalars = [
+            record.sheen_roughness,
+            record.specular_factor,
+            record.dielectric_f0,
+            record.clearcoat_factor,
+            record.clearcoat_roughness,
+            record.clearcoat_normal_scale,
+        ];
+        if !finite(&record.sheen_color) || !finite(&record.specular_color) || !finite(&scalars) {
+            return fail("a factor is not finite".into());
+        }
+    }
+    Ok(())
+}
+
+/// Point and spot lights are finite.
+pub fn punctual_lights(lights: &[PunctualLight]) -> Result<()> {
+    let sound = |light: &PunctualLight| {
+        finite(&light.position_and_range)
+            && finite(&light.direction_and_spot_scale)
+            && finite(&light.color_and_shadow)
+            && light.spot_offset.is_finite()
+    };
+    match lights.iter().position(|light| !sound(light)) {
+        Some(index) => {
+            let what = format!("light {index} is not finite");
+            Err(section_error(SectionKind::PunctualLights, index, what))
+        }
+        None => Ok(()),
+    }
 }
 
 fn draw_groups(package: &Package, scene: &ArchivedScene) -> Result<()> {

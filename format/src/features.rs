@@ -28,8 +28,20 @@ pub const TEXTURE_TRANSFORMS: u32 = 1 << 11;
 /// The vertex colour section is present.
 pub const VERTEX_COLORS: u32 = 1 << 12;
 
+/// The section of point and spot lights is present.
+pub const PUNCTUAL_LIGHTS: u32 = 1 << 13;
+/// Some material has a clear coat.
+pub const CLEARCOAT: u32 = 1 << 14;
+/// The reflection of some dielectric is not glTF's default.
+pub const SPECULAR: u32 = 1 << 15;
+/// Some material has sheen.
+pub const SHEEN: u32 = 1 << 16;
+
+/// The environment's sun was taken out of its cubes.
+pub const SUN: u32 = 1 << 17;
+
 /// Name of every bit, lowest first.
-pub const NAMES: [(u32, &str); 13] = [
+pub const NAMES: [(u32, &str); 18] = [
     (MASK, "mask"),
     (BLEND, "blend"),
     (DOUBLE_SIDED, "double-sided"),
@@ -43,6 +55,11 @@ pub const NAMES: [(u32, &str); 13] = [
     (UNLIT, "unlit"),
     (TEXTURE_TRANSFORMS, "texture-transforms"),
     (VERTEX_COLORS, "vertex-colors"),
+    (PUNCTUAL_LIGHTS, "punctual-lights"),
+    (CLEARCOAT, "clearcoat"),
+    (SPECULAR, "specular"),
+    (SHEEN, "sheen"),
+    (SUN, "sun"),
 ];
 
 /// Bits that have a meaning.

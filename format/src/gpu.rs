@@ -110,7 +110,7 @@ gpu_record! {
         pub time: f32 = 280,
         /// Records in the directional light buffer.
         pub directional_light_count: u32 = 284,
-        /// Multiplier of image-based light.
+        /// Multiplier of image-based light: the setting times the environment's scale.
         pub ibl_intensity: f32 = 288,
         /// Cubemap slot storing E/pi; [`NO_TEXTURE`] when absent.
         pub irradiance_cubemap_index: u32 = 292,
@@ -198,6 +198,28 @@ gpu_record! {
 }
 
 gpu_record! {
+    /// A point or spot light (`KHR_lights_punctual`): set 0, binding 11. At distance `d` it irradiates with
+    /// `color / d^2 * max(0, min(1, 1 - (d / range)^4)) * clamp(spot_scale * c + spot_offset, 0, 1)^2`, where `c` is
+    /// the cosine between the light's direction and that to the receiver; a point light has scale 0 and offset 1.
+    pub struct PunctualLight: 64 {
+        /// xyz world position, w range in metres; 0 is unlimited.
+        pub position_and_range: [f32; 4] = 0,
+        /// xyz direction of travel (unit), w factor of the cosine.
+        pub direction_and_spot_scale: [f32; 4] = 16,
+        /// xyz linear colour times candela, w 1 where the light casts shadows, else 0.
+        pub color_and_shadow: [f32; 4] = 32,
+        /// Added to the scaled cosine.
+        pub spot_offset: f32 = 48,
+        /// Zero.
+        pub pad_52: u32 = 52,
+        /// Zero.
+        pub pad_56: u32 = 56,
+        /// Zero.
+        pub pad_60: u32 = 60,
+    }
+}
+
+gpu_record! {
     /// Set 0, binding 2. A texture reference is a 2D slot in the low 31 bits; bit 31 ([`TEXTURE_UV1`]) selects
     /// the second texture coordinates; [`NO_TEXTURE`] is "no texture": the factor alone counts.
     pub struct Material: 80 {
@@ -233,6 +255,45 @@ gpu_record! {
 }
 
 gpu_record! {
+    /// What `KHR_materials_clearcoat`, `specular`, `ior` and `sheen` add to the material of the same index: set 0,
+    /// binding 12. Texture references as in [`Material`].
+    pub struct MaterialExtension: 80 {
+        /// Linear RGB, 0..=1; black is no sheen.
+        pub sheen_color: [f32; 3] = 0,
+        /// Perceptual, 0..=1.
+        pub sheen_roughness: f32 = 12,
+        /// Linear RGB; tints the dielectric's reflection at normal incidence.
+        pub specular_color: [f32; 3] = 16,
+        /// Strength of the dielectric's reflection, 0..=1.
+        pub specular_factor: f32 = 28,
+        /// Reflectance of the dielectric at normal incidence, `((ior - 1) / (ior + 1))^2`.
+        pub dielectric_f0: f32 = 32,
+        /// 0..=1; 0 is no coat.
+        pub clearcoat_factor: f32 = 36,
+        /// Perceptual, 0..=1.
+        pub clearcoat_roughness: f32 = 40,
+        /// Scales the x and y of the coat's normal map.
+        pub clearcoat_normal_scale: f32 = 44,
+        /// Texture reference, R.
+        pub clearcoat_tex: u32 = 48,
+        /// Texture reference, G.
+        pub clearcoat_roughness_tex: u32 = 52,
+        /// Texture reference, x and y; z is rebuilt.
+        pub clearcoat_normal_tex: u32 = 56,
+        /// Texture reference, A.
+        pub specular_tex: u32 = 60,
+        /// Texture reference, sRGB colour.
+        pub specular_color_tex: u32 = 64,
+        /// Texture reference, sRGB colour.
+        pub sheen_color_tex: u32 = 68,
+        /// Texture reference, A.
+        pub sheen_roughness_tex: u32 = 72,
+        /// Bits of the `LOBE_*` constants.
+        pub lobes: u32 = 76,
+    }
+}
+
+gpu_record! {
     /// One drawn primitive of one node: set 0, binding 3.
     pub struct Instance: 128 {
         /// Object to world.
@@ -260,19 +321,25 @@ gpu_record! {
         pub index_buffer_address: u64 = 8,
         /// Index into the material records.
         pub material_buffer_offset: u32 = 16,
-        /// Zero.
-        pub pad_20: u32 = 20,
+        /// First emissive triangle of this geometry behind its instance's [`MeshInstance::first_emissive`];
+        /// [`NO_EMISSION`] where it emits nothing.
+        pub emissive_offset: u32 = 20,
     }
 }
 
 gpu_record! {
-    /// One texel of the environment's importance table: set 0, binding 6, behind the header.
+    /// One cell of the environment's importance table: set 0, binding 6, behind the header.
+    ///
+    /// Cells form an equirectangular grid in the panorama's orientation (see
+    /// [`crate::scene::Environment`]), row 0 at +Y. A cell is drawn with probability
+    /// `luminance * solid angle / total_luminance`; a direction within it uniformly in longitude and in
+    /// `y`, so that the density per steradian is `luminance / total_luminance`. The sun is not in the table.
     pub struct EnvAliasEntry: 12 {
         /// Probability of keeping this entry.
         pub prob: f32 = 0,
         /// Entry taken otherwise.
         pub alias_index: u32 = 4,
-        /// Rec. 709 luminance, without the solid-angle weight.
+        /// Mean Rec. 709 luminance of the cell's radiance, scale applied, without the solid-angle weight.
         pub luminance: f32 = 8,
     }
 }
@@ -280,7 +347,7 @@ gpu_record! {
 gpu_record! {
     /// Head of the environment's importance table.
     pub struct EnvAliasHeader: 16 {
-        /// Sum of luminance times solid-angle weight.
+        /// Sum of luminance times steradians; above 0.
         pub total_luminance: f32 = 0,
         /// `width * height`.
         pub entry_count: u32 = 4,
@@ -312,8 +379,9 @@ gpu_record! {
         pub area: f32 = 60,
         /// Index into the material records.
         pub material_index: u32 = 64,
-        /// Zero.
-        pub pad_68: u32 = 68,
+        /// Weight in the alias table: luminance of the emission, its texture's mean over the triangle included, times
+        /// area times pi, twice that where both sides emit. Zero is never sampled.
+        pub power: f32 = 68,
         /// Texture coordinates of the first corner.
         pub uv0: [f32; 2] = 72,
         /// Texture coordinates of the second corner.
@@ -338,7 +406,7 @@ gpu_record! {
     pub struct EmissiveAliasHeader: 8 {
         /// Triangles.
         pub count: u32 = 0,
-        /// Sum of the triangles' power.
+        /// Sum of the triangles' [`EmissiveTriangle::power`].
         pub total_power: f32 = 4,
     }
 }
@@ -390,26 +458,48 @@ gpu_record! {
 }
 
 gpu_record! {
-    /// Push constants of the path tracer.
-    pub struct PathTracePush: 36 {
-        /// Longest path.
-        pub max_bounces: u32 = 0,
-        /// Samples accumulated so far.
-        pub sample_count: u32 = 4,
+    /// Push constants of the path tracer. Positions that it traces are relative to `center`.
+    pub struct PathTracePush: 112 {
+        /// Device address of the [`MeshInstance`] records, their transforms relative to `center`.
+        pub mesh_instances: u64 = 0,
+        /// Unit, from the scene to the environment's sun.
+        pub sun_direction: [f32; 3] = 8,
+        /// Squared sine of the sun's angular radius; 0 without one.
+        pub sun_sin2: f32 = 20,
+        /// Radiance of the sun's disc.
+        pub sun_radiance: [f32; 3] = 24,
+        /// Firefly clamp of indirect light by its largest channel; 0 is off.
+        pub max_clamp: f32 = 36,
+        /// Middle of the scene, metres.
+        pub center: [f32; 3] = 40,
+        /// Width of a pixel's ray cone per metre.
+        pub cone_spread: f32 = 52,
+        /// Longest path, in surface hits after the camera's.
+        pub max_bounces: u32 = 56,
+        /// Samples that each pixel has from earlier dispatches.
+        pub first_sample: u32 = 60,
+        /// Samples that each pixel gets now.
+        pub sample_count: u32 = 64,
+        /// Dispatches accumulated before.
+        pub batch: u32 = 68,
+        /// Bits of the `LIGHT_*` constants: what is sampled directly.
+        pub sampled_lights: u32 = 72,
+        /// Point and spot lights.
+        pub punctual_light_count: u32 = 76,
+        /// Reach of the ambient occlusion view, metres.
+        pub occlusion_distance: f32 = 80,
         /// Seed of the run.
-        pub frame_seed: u32 = 8,
-        /// 2D slot of the blue-noise texture.
-        pub blue_noise_index: u32 = 12,
-        /// Firefly clamp; 0 is off.
-        pub max_clamp: f32 = 16,
-        /// 1 samples the environment's table.
-        pub env_sampling: u32 = 20,
-        /// 1 samples directional lights.
-        pub directional_lights: u32 = 24,
-        /// Emissive triangles.
-        pub emissive_light_count: u32 = 28,
-        /// Highest texture level read.
-        pub lod_max_level: u32 = 32,
+        pub seed: u32 = 84,
+        /// 1 where the environment is seen behind the scene.
+        pub show_sky: u32 = 88,
+        /// Directional lights; the environment's sun is none of them.
+        pub directional_light_count: u32 = 92,
+        /// Device address of the vertex arena.
+        pub vertices: u64 = 96,
+        /// Emissive triangles in the alias table.
+        pub emissive_count: u32 = 104,
+        /// Zero.
+        pub pad_108: u32 = 108,
     }
 }
 
@@ -446,8 +536,9 @@ gpu_record! {
         pub first_geometry: u32 = 52,
         /// Bits of the `DRAW_*` constants.
         pub flags: u32 = 56,
-        /// Zero.
-        pub pad_60: u32 = 60,
+        /// Its first emissive triangle: those of its emitting primitives follow in order, one per triangle traced.
+        /// [`NO_EMISSION`] where it has none.
+        pub first_emissive: u32 = 60,
     }
 }
 
@@ -483,6 +574,12 @@ pub const TEXTURE_UV1: u32 = 1 << 31;
 pub const MATERIAL_DOUBLE_SIDED: u32 = 1;
 /// Bit of [`Material::double_sided`]: base colour is emitted as it is, without light.
 pub const MATERIAL_UNLIT: u32 = 2;
+/// Bit of [`MaterialExtension::lobes`]: there is a clear coat.
+pub const LOBE_CLEARCOAT: u32 = 1;
+/// Bit of [`MaterialExtension::lobes`]: the dielectric's reflection is not glTF's default.
+pub const LOBE_SPECULAR: u32 = 2;
+/// Bit of [`MaterialExtension::lobes`]: there is sheen.
+pub const LOBE_SHEEN: u32 = 4;
 /// `alpha_mode` of opaque materials.
 pub const ALPHA_OPAQUE: u32 = 0;
 /// `alpha_mode` of materials cut at a threshold.
@@ -493,6 +590,16 @@ pub const ALPHA_BLEND: u32 = 2;
 pub const DRAW_DOUBLE_SIDED: u32 = 1;
 /// Bit of draw flags: negative determinant, front faces are clockwise.
 pub const DRAW_MIRRORED: u32 = 2;
+/// A mesh instance or geometry that lists no emissive triangle.
+pub const NO_EMISSION: u32 = u32::MAX;
+/// Bit of [`PathTracePush::sampled_lights`]: the environment.
+pub const LIGHT_ENVIRONMENT: u32 = 1;
+/// Bit of [`PathTracePush::sampled_lights`]: the environment's sun.
+pub const LIGHT_SUN: u32 = 2;
+/// Bit of [`PathTracePush::sampled_lights`]: directional, point and spot lights.
+pub const LIGHT_PUNCTUAL: u32 = 4;
+/// Bit of [`PathTracePush::sampled_lights`]: emissive triangles.
+pub const LIGHT_EMITTERS: u32 = 8;
 /// Bit of [`GlobalUniform::feature_flags`]: shadow maps are valid.
 pub const FEATURE_SHADOWS: u32 = 1;
 /// Bit of [`GlobalUniform::feature_flags`]: ambient occlusion is valid.
@@ -506,11 +613,19 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("TEXTURE_UV1", TEXTURE_UV1),
     ("MATERIAL_DOUBLE_SIDED", MATERIAL_DOUBLE_SIDED),
     ("MATERIAL_UNLIT", MATERIAL_UNLIT),
+    ("LOBE_CLEARCOAT", LOBE_CLEARCOAT),
+    ("LOBE_SPECULAR", LOBE_SPECULAR),
+    ("LOBE_SHEEN", LOBE_SHEEN),
     ("ALPHA_OPAQUE", ALPHA_OPAQUE),
     ("ALPHA_MASK", ALPHA_MASK),
     ("ALPHA_BLEND", ALPHA_BLEND),
     ("DRAW_DOUBLE_SIDED", DRAW_DOUBLE_SIDED),
     ("DRAW_MIRRORED", DRAW_MIRRORED),
+    ("NO_EMISSION", NO_EMISSION),
+    ("LIGHT_ENVIRONMENT", LIGHT_ENVIRONMENT),
+    ("LIGHT_SUN", LIGHT_SUN),
+    ("LIGHT_PUNCTUAL", LIGHT_PUNCTUAL),
+    ("LIGHT_EMITTERS", LIGHT_EMITTERS),
     ("FEATURE_SHADOWS", FEATURE_SHADOWS),
     ("FEATURE_AO", FEATURE_AO),
     ("FEATURE_CONTACT_SHADOWS", FEATURE_CONTACT_SHADOWS),
@@ -542,6 +657,8 @@ pub fn records() -> Vec<(&'static str, usize, &'static [Field])> {
         row::<MeshInstance>(),
         row::<TextureTransform>(),
         row::<VertexColor>(),
+        row::<PunctualLight>(),
+        row::<MaterialExtension>(),
     ]
 }
 
@@ -569,6 +686,30 @@ impl Default for Material {
             alpha_cutoff: 0.5,
             alpha_mode: ALPHA_OPAQUE,
             double_sided: 0,
+        }
+    }
+}
+
+impl Default for MaterialExtension {
+    /// No coat, no sheen, an index of refraction of 1.5.
+    fn default() -> Self {
+        Self {
+            sheen_color: [0.0; 3],
+            sheen_roughness: 0.0,
+            specular_color: [1.0; 3],
+            specular_factor: 1.0,
+            dielectric_f0: 0.04,
+            clearcoat_factor: 0.0,
+            clearcoat_roughness: 0.0,
+            clearcoat_normal_scale: 1.0,
+            clearcoat_tex: NO_TEXTURE,
+            clearcoat_roughness_tex: NO_TEXTURE,
+            clearcoat_normal_tex: NO_TEXTURE,
+            specular_tex: NO_TEXTURE,
+            specular_color_tex: NO_TEXTURE,
+            sheen_color_tex: NO_TEXTURE,
+            sheen_roughness_tex: NO_TEXTURE,
+            lobes: 0,
         }
     }
 }

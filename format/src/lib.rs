@@ -23,6 +23,7 @@ pub mod error;
 pub mod features;
 pub mod glsl;
 pub mod gpu;
+pub mod harmonics;
 pub mod header;
 pub mod package;
 pub mod scene;

@@ -16,8 +16,8 @@ use crate::bounds::BoundsView;
 use crate::check;
 use crate::error::{Error, Part, Result};
 use crate::gpu::{
-    DirectionalLight, DrawGroup, EmissiveTriangle, Instance, Material, MeshInstance,
-    TextureTransform, VertexColor,
+    DirectionalLight, DrawGroup, EmissiveTriangle, EnvAliasEntry, EnvAliasHeader, Instance,
+    Material, MaterialExtension, MeshInstance, PunctualLight, TextureTransform, VertexColor,
 };
 use crate::header::{ENTRY_BYTES, HEADER_BYTES, Header, SectionEntry};
 use crate::scene::ArchivedScene;
@@ -234,9 +234,23 @@ impl Package {
         self.records(SectionKind::VertexColors)
     }
 
+    /// The environment's importance table; `None` where the section is absent.
+    pub fn env_alias(&self) -> Result<Option<(&EnvAliasHeader, &[EnvAliasEntry])>> {
+        let bytes = self.section(SectionKind::EnvAlias)?;
+        Ok(bytes
+            .split_first_chunk::<{ size_of::<EnvAliasHeader>() }>()
+            .map(|(head, entries)| (bytemuck::from_bytes(head), bytemuck::cast_slice(entries))))
+    }
+
     /// Emissive triangles in world space.
     pub fn emissive_triangles(&self) -> Result<&[EmissiveTriangle]> {
         self.records(SectionKind::EmissiveTriangles)
+    }
+
+    /// Words of the emissive triangles' alias table: [`crate::gpu::EmissiveAliasHeader`], then one
+    /// [`crate::gpu::EmissiveAliasEntry`] per triangle; empty where nothing is sampled.
+    pub fn emissive_alias(&self) -> Result<&[u32]> {
+        self.records(SectionKind::EmissiveAlias)
     }
 
     /// Draw groups.
@@ -257,6 +271,16 @@ impl Package {
     /// Directional light records.
     pub fn directional_lights(&self) -> Result<&[DirectionalLight]> {
         self.records(SectionKind::DirectionalLights)
+    }
+
+    /// Point and spot light records.
+    pub fn punctual_lights(&self) -> Result<&[PunctualLight]> {
+        self.records(SectionKind::PunctualLights)
+    }
+
+    /// Further lobes, one record per material; empty where no material has any.
+    pub fn material_extensions(&self) -> Result<&[MaterialExtension]> {
+        self.records(SectionKind::MaterialExtensions)
     }
 
     /// Texel bytes of all images.

@@ -83,7 +83,7 @@ root_struct! {
         pub cameras: Vec<Camera>,
         /// Image-based light.
         pub environment: Option<Environment>,
-        /// Index of the BRDF table in `images`; present where a light or an environment is.
+        /// Index of the BRDF table in `images`; present where a light, an emitter or an environment is.
         pub brdf_lut: Option<u32>,
         /// What the package was made from.
         pub provenance: Provenance,
@@ -313,8 +313,16 @@ root_struct! {
         pub sky: u32,
         /// Cube image of irradiance divided by pi.
         pub irradiance: u32,
-        /// Cube image of GGX-prefiltered radiance; level i is perceptual roughness i / (levels - 1).
+        /// Cube image of GGX-prefiltered radiance.
         pub prefiltered: u32,
+        /// Perceptual roughness of each level of the prefiltered cube: level i of n is i / (n - 1).
+        pub prefiltered_roughness: Vec<f32>,
+        /// Stored cubes times this are radiance (irradiance / pi); 1 unless the sky leaves half range.
+        pub scale: f32,
+        /// The sun that the bake took out of all cubes, of the coefficients and of the importance table.
+        pub sun: Option<Sun>,
+        /// Irradiance / pi, unscaled, as the polynomial of [`crate::harmonics::evaluate`].
+        pub irradiance_sh: [[f32; 3]; 9],
         /// Width of the source panorama.
         pub source_width: u32,
         /// Height of the source panorama.
@@ -323,6 +331,20 @@ root_struct! {
         pub replaced_texels: u64,
         /// Sky texels above the largest half float, and clamped to it.
         pub clamped_texels: u64,
+    }
+}
+
+root_struct! {
+    /// A disc of constant radiance `color * illuminance / (pi sin^2(angular_radius))` at infinity.
+    pub struct Sun {
+        /// Unit vector from the scene to the sun, in the environment's space.
+        pub direction: [f32; 3],
+        /// Linear RGB, largest channel 1.
+        pub color: [f32; 3],
+        /// Irradiance of `color`'s largest channel on a plane facing the sun: radiance units times steradians.
+        pub illuminance: f32,
+        /// Half of the disc's apparent angle, radians.
+        pub angular_radius: f32,
     }
 }
 
@@ -438,6 +460,7 @@ pub(crate) fn schema_text() -> String {
         ProjectionKind::TEXT,
         Camera::TEXT,
         Environment::TEXT,
+        Sun::TEXT,
         Provenance::TEXT,
         Setting::TEXT,
         SourceFile::TEXT,

@@ -34,11 +34,15 @@ pub enum SectionKind {
     VertexColors = 14,
     /// World bounds of every 64 consecutive instances, structure of arrays as the instances' own.
     ClusterBounds = 15,
+    /// [`crate::gpu::PunctualLight`].
+    PunctualLights = 16,
+    /// [`crate::gpu::MaterialExtension`], one per material; absent where no material has a further lobe.
+    MaterialExtensions = 17,
 }
 
 impl SectionKind {
     /// Every kind, in file order.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 17] = [
         Self::Vertices,
         Self::Indices,
         Self::Instances,
@@ -54,6 +58,8 @@ impl SectionKind {
         Self::TextureTransforms,
         Self::VertexColors,
         Self::ClusterBounds,
+        Self::PunctualLights,
+        Self::MaterialExtensions,
     ];
 
     /// The kind of a discriminant read from a file.
@@ -73,8 +79,8 @@ impl SectionKind {
             | Self::ClusterBounds => 4,
             Self::DrawGroups | Self::DirectionalLights | Self::TextureTransforms => 32,
             Self::VertexColors => 8,
-            Self::MeshInstances => 64,
-            Self::Materials => 80,
+            Self::MeshInstances | Self::PunctualLights => 64,
+            Self::Materials | Self::MaterialExtensions => 80,
             Self::Texels => 1,
             Self::EmissiveTriangles => 96,
         }
@@ -98,6 +104,8 @@ impl SectionKind {
             Self::TextureTransforms => "texture-transforms",
             Self::VertexColors => "vertex-colors",
             Self::ClusterBounds => "cluster-bounds",
+            Self::PunctualLights => "punctual-lights",
+            Self::MaterialExtensions => "material-extensions",
         }
     }
 }

@@ -5,24 +5,51 @@ use std::path::PathBuf;
 use crate::camera::Camera;
 use crate::camera_file;
 use crate::error::PlayerError;
-use crate::settings::{Brdf, Settings, Tonemap};
+use crate::gpu::GpuOptions;
+use crate::settings::Settings;
+use crate::settings::flags::SettingFlags;
 use cairn_format::{Aabb, Package};
 
 /// Render a Cairn package: in a window, or headless into a PNG.
 #[derive(clap::Parser, Debug)]
 #[command(version, after_help = EXAMPLES)]
-pub struct Args {
+pub struct Cli {
+    #[command(flatten)]
+    pub view: ViewArgs,
+}
+
+/// A package, how to look at it, and on which device.
+#[derive(clap::Args, Debug)]
+pub struct SceneArgs {
     /// The package that cairn-bake wrote.
     pub package: PathBuf,
-    /// Render without a window.
-    #[arg(long)]
-    pub headless: bool,
     /// Width and height of the image or window in pixels.
     #[arg(long, default_value = "1280x720", value_parser = parse_size)]
     pub size: (u32, u32),
     /// `auto`, the name of a camera of the scene, or FILE.json:NAME.
     #[arg(long, default_value = "auto")]
     pub camera: String,
+    /// Part of the name of the GPU to use.
+    #[arg(long)]
+    pub device: Option<String>,
+    /// Turn on the Khronos validation layer; any message of it makes the exit code 3.
+    #[arg(long)]
+    pub validation: bool,
+    /// JSON object of settings, such as {"ev": 1, "shadow": {"cascades": 3}}; flags override it.
+    #[arg(long = "settings", value_name = "FILE")]
+    pub settings_file: Option<PathBuf>,
+    #[command(flatten)]
+    pub settings: SettingFlags,
+}
+
+/// The plain command: look at a package.
+#[derive(clap::Args, Debug)]
+pub struct ViewArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Render without a window.
+    #[arg(long)]
+    pub headless: bool,
     /// Frames to render; headless keeps the last one, a window closes after them.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     pub frames: Option<u32>,
@@ -32,33 +59,6 @@ pub struct Args {
     /// Print one JSON line with device, times and counts.
     #[arg(long)]
     pub json: bool,
-    /// Energy-compensated BRDF, or exactly glTF's core one.
-    #[arg(long, value_enum, default_value_t)]
-    pub brdf: Brdf,
-    /// Display curve.
-    #[arg(long, value_enum, default_value_t)]
-    pub tonemap: Tonemap,
-    /// Exposure value: the image is multiplied by 2^EV.
-    #[arg(long, default_value_t = 0.0, value_parser = parse_finite, allow_hyphen_values = true)]
-    pub ev: f32,
-    /// Multiplier of image-based light.
-    #[arg(long, default_value_t = 1.0, value_parser = parse_finite)]
-    pub ibl_intensity: f32,
-    /// Yaw of the environment in degrees.
-    #[arg(long, default_value_t = 0.0, value_parser = parse_finite, allow_hyphen_values = true)]
-    pub ibl_yaw: f32,
-    /// Do not draw the environment behind the scene.
-    #[arg(long)]
-    pub no_skybox: bool,
-    /// Debug view: 1 diffuse, 2 specular, 3 indirect, 4 normal, 5 metallic, 6 roughness, 7 occlusion.
-    #[arg(long, default_value_t = 0)]
-    pub debug_view: u32,
-    /// Part of the name of the GPU to use.
-    #[arg(long)]
-    pub device: Option<String>,
-    /// Turn on the Khronos validation layer; any message of it makes the exit code 3.
-    #[arg(long)]
-    pub validation: bool,
 }
 
 const EXAMPLES: &str = "Examples:
@@ -69,19 +69,34 @@ const EXAMPLES: &str = "Examples:
 
 Exit codes: 0 success, 1 GPU or driver failure, 2 bad input, 3 validation messages.";
 
-impl Args {
-    /// The frame settings that the flags stand for.
-    pub fn settings(&self) -> Settings {
-        Settings {
-            brdf: self.brdf,
-            tonemap: self.tonemap,
-            ev: self.ev,
-            ibl_intensity: self.ibl_intensity,
-            ibl_yaw: self.ibl_yaw.to_radians(),
-            skybox: !self.no_skybox,
-            debug_view: self.debug_view,
-            ..Settings::default()
+impl SceneArgs {
+    /// Opens the package.
+    ///
+    /// # Errors
+    /// [`PlayerError::Package`].
+    pub fn open(&self) -> Result<Package, PlayerError> {
+        Ok(Package::open(&self.package)?)
+    }
+
+    /// Device and validation.
+    pub fn gpu(&self) -> GpuOptions {
+        GpuOptions {
+            validation: self.validation,
+            device: self.device.clone(),
         }
+    }
+
+    /// `base` with what the file and then the flags say.
+    ///
+    /// # Errors
+    /// [`PlayerError::Input`] naming the file and the setting.
+    pub fn settings(&self, base: Settings) -> Result<Settings, PlayerError> {
+        let mut settings = base;
+        if let Some(file) = &self.settings_file {
+            settings.merge_file(file)?;
+        }
+        self.settings.apply(&mut settings);
+        Ok(settings)
     }
 
     /// The camera that `--camera` stands for.
@@ -137,13 +152,6 @@ fn parse_size(text: &str) -> Result<(u32, u32), String> {
     }
 }
 
-fn parse_finite(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(value) if value.is_finite() => Ok(value),
-        _ => Err("expected a finite number".into()),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -152,25 +160,34 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         use clap::CommandFactory;
-        Args::command().debug_assert();
+        Cli::command().debug_assert();
     }
 
     #[test]
-    fn flags_become_settings() {
-        let args = Args::parse_from([
-            "p",
-            "a.cairn",
-            "--ev",
-            "-1",
-            "--ibl-yaw",
-            "-90",
-            "--brdf",
-            "gltf-core",
-        ]);
-        let settings = args.settings();
-        assert_eq!(settings.ev, -1.0);
-        assert_eq!(settings.brdf, Brdf::GltfCore);
-        assert!((settings.ibl_yaw + std::f32::consts::FRAC_PI_2).abs() < 1e-6);
+    fn flags_override_the_file_and_the_file_the_base() {
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        std::fs::write(file.path(), r#"{"ev": 2, "msaa": 4}"#).expect("written");
+        let path = file.path().to_str().expect("UTF-8");
+        let cli = Cli::parse_from(["p", "a.cairn", "--ev", "-1", "--settings", path]);
+        let view = cli.view;
+        let base = Settings {
+            ev: 7.0,
+            msaa: 8,
+            debug_view: 3,
+            ..Settings::default()
+        };
+        let settings = view.scene.settings(base).expect("allowed");
+        assert_eq!(
+            (settings.ev, settings.msaa, settings.debug_view),
+            (-1.0, 4, 3)
+        );
+    }
+
+    #[test]
+    fn a_package_is_needed() {
+        assert!(Cli::try_parse_from(["p"]).is_err());
+        let view = Cli::parse_from(["p", "a.cairn"]).view;
+        assert_eq!(view.scene.size, (1280, 720));
     }
 
     #[test]

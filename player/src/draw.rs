@@ -51,6 +51,31 @@ impl DrawList {
         frustum: &Frustum,
         eye: Vec3,
     ) {
+        self.cull(groups, bounds, clusters, frustum, |list, draw| {
+            list.push_blend(draw, bounds, eye);
+        });
+        self.sort_blend();
+    }
+
+    /// Culls what casts shadows: every group that does not blend.
+    pub fn build_casters(
+        &mut self,
+        groups: &[DrawGroup],
+        bounds: &BoundsView,
+        clusters: Option<&BoundsView>,
+        frustum: &Frustum,
+    ) {
+        self.cull(groups, bounds, clusters, frustum, |_, _| {});
+    }
+
+    fn cull(
+        &mut self,
+        groups: &[DrawGroup],
+        bounds: &BoundsView,
+        clusters: Option<&BoundsView>,
+        frustum: &Frustum,
+        mut blend: impl FnMut(&mut Self, Draw),
+    ) {
         self.opaque.clear();
         self.masked.clear();
         self.blend.clear();
@@ -71,11 +96,10 @@ impl DrawList {
             for group in run {
                 let end = group.first_instance + group.instance_count;
                 let count = shown_below(&self.visible[seen..], end);
-                self.push(group, seen as u32, count as u32, bounds, eye);
+                self.push(group, seen as u32, count as u32, &mut blend);
                 seen += count;
             }
         }
-        self.sort_blend();
     }
 
     fn push(
@@ -83,8 +107,7 @@ impl DrawList {
         group: &DrawGroup,
         first_visible: u32,
         instance_count: u32,
-        bounds: &BoundsView,
-        eye: Vec3,
+        blend: &mut impl FnMut(&mut Self, Draw),
     ) {
         if instance_count == 0 || group.index_count == 0 {
             return;
@@ -99,7 +122,7 @@ impl DrawList {
             mirrored: group.flags & DRAW_MIRRORED != 0,
         };
         match group.alpha_mode {
-            ALPHA_BLEND => self.push_blend(draw, bounds, eye),
+            ALPHA_BLEND => blend(self, draw),
             ALPHA_MASK => self.masked.push(draw),
             _ => self.opaque.push(draw),
         }
@@ -233,6 +256,25 @@ mod tests {
             .map(|draw| list.visible[draw.first_visible as usize])
             .collect();
         assert_eq!(order, [1, 2, 0]);
+    }
+
+    #[test]
+    fn what_blends_casts_no_shadow() {
+        let boxes = [-1.0, -5.0, -3.0, 50.0].map(|z| unit_box(Vec3::new(0.0, 0.0, z)));
+        let arrays = to_arrays(&boxes);
+        let view = BoundsView::new(&arrays, boxes.len()).expect("length fits");
+        let groups = [
+            group(0, 1, 0),
+            group(1, 1, ALPHA_BLEND),
+            group(2, 2, ALPHA_MASK),
+        ];
+        let mut list = DrawList::default();
+        list.build_casters(&groups, &view, None, &forward_frustum());
+        assert_eq!((list.opaque.len(), list.masked.len()), (1, 1));
+        assert!(list.blend.is_empty());
+        let shown = |draw: &Draw| list.visible[draw.first_visible as usize];
+        assert_eq!((shown(&list.opaque[0]), shown(&list.masked[0])), (0, 2));
+        assert_eq!(list.masked[0].instance_count, 1);
     }
 
     /// Groups that adjoin, overlap nothing and leave gaps, in any order.

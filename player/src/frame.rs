@@ -11,7 +11,7 @@ use crate::gpu::{
     Buffer, BufferDesc, Commands, DescriptorSet, FRAMES_IN_FLIGHT, FrameTarget, Gpu, GpuResult,
     Layouts, Memory, SetIndex, vk,
 };
-use crate::graph::{Graph, Stage, Usage, Uses};
+use crate::graph::{Graph, Usage, Uses};
 use crate::passes::Passes;
 use crate::passes::depth::DepthImages;
 use crate::passes::{resolve_color, resolve_surface};
@@ -43,7 +43,7 @@ struct Slot {
 }
 
 impl Renderer {
-    /// Builds passes and targets. `target_format` is the sRGB format of the images that `record` gets.
+    /// Builds passes and targets. `target_format` is that of the images that `record` gets: see [`crate::passes::tonemap`].
     ///
     /// # Errors
     /// [`PlayerError::Input`] where draw groups share instances; failures of Vulkan.
@@ -110,6 +110,9 @@ impl Renderer {
         let slot = &self.slots[commands.slot()];
         bind(commands, scene, slot, self.targets.set(parity));
 
+        self.passes
+            .tonemap
+            .bind_target(&self.layouts, target.image)?;
         let (passes, draws, targets) = (&self.passes, &self.draws, &self.targets);
         let layouts = &self.layouts;
         let drawn = targets.drawn;
@@ -147,12 +150,12 @@ impl Renderer {
             let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
             passes.forward.record(commands, hdr, depth, opaque, masked);
         });
-        let uses = [(drawn.hdr, Usage::Color), (drawn.depth, Usage::Depth)];
         if let Some(skybox) = &passes.skybox {
-            frame.pass(c"skybox", &uses, |commands, images| {
-                skybox.record(commands, images.get(drawn.hdr), images.get(drawn.depth));
+            frame.pass(c"skybox", &skybox.uses(targets), |commands, images| {
+                skybox.record(commands, layouts, images, targets, parity);
             });
         }
+        let uses = [(drawn.hdr, Usage::Color), (drawn.depth, Usage::Depth)];
         if let Some(transparent) = &passes.transparent {
             frame.pass(c"transparent", &uses, |commands, images| {
                 let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
@@ -165,10 +168,8 @@ impl Renderer {
                 resolve.record(commands, layouts, parity, extent);
             });
         }
-        let uses = [
-            (targets.hdr, Usage::Sampled(Stage::Fragment)),
-            (targets.output, Usage::ColorClear),
-        ];
+        let [read, write] = passes.tonemap.usages();
+        let uses = [(targets.hdr, read), (targets.output, write)];
         frame.pass(c"tonemap", &uses, |commands, images| {
             let output = images.get(targets.output);
             passes
@@ -289,6 +290,12 @@ impl Slot {
         if let Some(colors) = &scene.vertex_colors {
             set.write_buffer(10, colors)?;
         }
+        if let Some(lights) = &scene.punctual_lights {
+            set.write_buffer(11, lights)?;
+        }
+        if let Some(extensions) = &scene.material_extensions {
+            set.write_buffer(12, extensions)?;
+        }
         Ok(Self {
             uniform,
             visible,
@@ -355,12 +362,13 @@ fn fill_scene(uniform: &mut GlobalUniform, scene: &GpuScene) {
     uniform.skybox_cubemap_index = slot(environment.map(|slots| slots.sky));
     uniform.irradiance_cubemap_index = slot(environment.map(|slots| slots.irradiance));
     uniform.prefiltered_cubemap_index = slot(environment.map(|slots| slots.prefiltered));
+    uniform.ibl_intensity = environment.map_or(1.0, |slots| slots.scale);
     uniform.prefiltered_mip_count = environment.map_or(1, |slots| slots.prefiltered_levels);
 }
 
 fn fill_settings(uniform: &mut GlobalUniform, settings: &Settings) {
     uniform.camera_position_and_exposure[3] = settings.ev.exp2();
-    uniform.ibl_intensity = settings.ibl_intensity;
+    uniform.ibl_intensity *= settings.ibl_intensity;
     uniform.ibl_rotation_sin = settings.ibl_yaw.sin();
     uniform.ibl_rotation_cos = settings.ibl_yaw.cos();
     uniform.debug_render_mode = settings.debug_view;

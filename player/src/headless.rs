@@ -15,8 +15,8 @@ use crate::gpu::{
 use crate::scene::{GpuScene, SceneStats};
 use crate::settings::Settings;
 
-/// Display-encoded output.
-const OUTPUT_FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
+/// Display-encoded output, which a shader encodes.
+const OUTPUT_FORMAT: vk::Format = vk::Format::R8G8B8A8_UNORM;
 
 /// What to render.
 #[derive(Clone, Debug)]
@@ -193,7 +193,7 @@ impl Output {
                 layers: 1,
                 cube: false,
                 samples: 1,
-                usage: vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC,
+                usage: vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::TRANSFER_SRC,
             },
         )?;
         let texels = u64::from(options.size[0]) * u64::from(options.size[1]);
@@ -239,7 +239,7 @@ fn readback(gpu: &Gpu, name: &str, size: u64) -> GpuResult<Buffer> {
 }
 
 /// IEEE 754 binary16 to binary32, exact.
-fn from_half(bits: u16) -> f32 {
+pub(crate) fn from_half(bits: u16) -> f32 {
     let sign = u32::from(bits >> 15) << 31;
     let (exponent, mantissa) = (u32::from(bits >> 10 & 31), u32::from(bits & 1023));
     match exponent {

@@ -5,23 +5,23 @@ use std::time::Instant;
 
 use cairn_format::Package;
 use cairn_player::PlayerError;
-use cairn_player::args::Args;
-use cairn_player::gpu::GpuOptions;
+use cairn_player::args::{Cli, ViewArgs};
 use cairn_player::headless::{self, HeadlessImage, HeadlessOptions};
 use cairn_player::png;
+use cairn_player::settings::Settings;
 use clap::Parser;
 
 /// Exit code of a run that the validation layer had something to say about.
 const VALIDATION_MESSAGES: u8 = 3;
 
 fn main() -> ExitCode {
-    let args = Args::parse();
+    let args = Cli::parse().view;
     match run(&args) {
         Ok(code) => code,
         Err(error) => {
             match &error {
                 PlayerError::Package(inner) => {
-                    eprintln!("error: {}: {inner}", args.package.display())
+                    eprintln!("error: {}: {inner}", args.scene.package.display())
                 }
                 other => eprintln!("error: {other}"),
             }
@@ -30,24 +30,20 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(args: &Args) -> Result<ExitCode, PlayerError> {
+fn run(args: &ViewArgs) -> Result<ExitCode, PlayerError> {
     let start = Instant::now();
-    let package = Package::open(&args.package)?;
+    let package = args.scene.open()?;
     let open_ms = start.elapsed().as_secs_f64() * 1e3;
-    let gpu = GpuOptions {
-        validation: args.validation,
-        device: args.device.clone(),
-    };
     if !args.headless {
-        return show(args, &package, &gpu);
+        return show(args, &package);
     }
     let options = HeadlessOptions {
-        size: [args.size.0, args.size.1],
-        camera: args.camera(&package)?,
-        settings: args.settings(),
+        size: [args.scene.size.0, args.scene.size.1],
+        camera: args.scene.camera(&package)?,
+        settings: args.scene.settings(Settings::default())?,
         frames: args.frames.unwrap_or(1),
         hdr: args.json,
-        gpu,
+        gpu: args.scene.gpu(),
     };
     let image = headless::render(&package, &options)?;
     if let Some(path) = &args.out {
@@ -65,7 +61,7 @@ fn run(args: &Args) -> Result<ExitCode, PlayerError> {
 }
 
 fn json(
-    args: &Args,
+    args: &ViewArgs,
     package: &Package,
     options: &HeadlessOptions,
     image: &HeadlessImage,
@@ -74,12 +70,12 @@ fn json(
     serde_json::json!({
         "schema": 1,
         "tool": concat!("cairn-player ", env!("CARGO_PKG_VERSION")),
-        "package": args.package,
+        "package": args.scene.package,
         "package_bytes": package.header().file_length,
         "device": image.device,
         "driver": image.driver,
         "size": options.size,
-        "camera": args.camera,
+        "camera": args.scene.camera,
         "settings": options.settings,
         "frames": options.frames,
         "open_ms": open_ms,
@@ -91,12 +87,12 @@ fn json(
     })
 }
 
-fn text(args: &Args, image: &HeadlessImage, open_ms: f64) -> String {
+fn text(args: &ViewArgs, image: &HeadlessImage, open_ms: f64) -> String {
     use std::fmt::Write;
     let mut text = String::new();
     let upload = &image.scene;
     let draws = &image.draws;
-    let _ = writeln!(text, "{} on {}", args.package.display(), image.device);
+    let _ = writeln!(text, "{} on {}", args.scene.package.display(), image.device);
     let _ = writeln!(text, "  open {open_ms:.3} ms, upload {upload}");
     let _ = writeln!(
         text,
@@ -119,13 +115,13 @@ fn text(args: &Args, image: &HeadlessImage, open_ms: f64) -> String {
 }
 
 #[cfg(feature = "window")]
-fn show(args: &Args, package: &Package, gpu: &GpuOptions) -> Result<ExitCode, PlayerError> {
+fn show(args: &ViewArgs, package: &Package) -> Result<ExitCode, PlayerError> {
     let options = cairn_player::window::WindowOptions {
-        size: [args.size.0, args.size.1],
-        camera: args.camera(package)?,
-        settings: args.settings(),
+        size: [args.scene.size.0, args.scene.size.1],
+        camera: args.scene.camera(package)?,
+        settings: args.scene.settings(Settings::default())?,
         frames: args.frames,
-        gpu: gpu.clone(),
+        gpu: args.scene.gpu(),
     };
     let messages = cairn_player::window::run(package, &options)?;
     Ok(if messages.is_empty() {
@@ -136,7 +132,7 @@ fn show(args: &Args, package: &Package, gpu: &GpuOptions) -> Result<ExitCode, Pl
 }
 
 #[cfg(not(feature = "window"))]
-fn show(_args: &Args, _package: &Package, _gpu: &GpuOptions) -> Result<ExitCode, PlayerError> {
+fn show(_args: &ViewArgs, _package: &Package) -> Result<ExitCode, PlayerError> {
     Err(PlayerError::Input(
         "this build has no window (feature `window`): render with --headless --out FILE.png".into(),
     ))

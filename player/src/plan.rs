@@ -1,13 +1,16 @@
 //! What a frame consists of: the passes and images that a package and the settings ask for.
 
 use cairn_format::Package;
-use cairn_format::gpu::{ALPHA_BLEND, ALPHA_MASK};
+use cairn_format::gpu::{ALPHA_BLEND, ALPHA_MASK, LOBE_CLEARCOAT, LOBE_SHEEN, LOBE_SPECULAR};
 
 use crate::PlayerError;
 use crate::gpu::Gpu;
 use crate::passes::Variant;
 use crate::scene::GpuScene;
-use crate::settings::{Prepass, Settings};
+use crate::settings::{LightSource, Prepass, Settings};
+
+/// Number of the debug view that shows how often pixels are shaded.
+const OVERDRAW_VIEW: u32 = 11;
 
 /// The choices that pipelines and images depend on. A renderer is rebuilt where its plan changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,6 +29,8 @@ pub struct Plan {
     pub contact: bool,
     /// The sky behind the scene.
     pub skybox: bool,
+    /// Counts the fragments that are shaded, without a prepass, instead of drawing them.
+    pub overdraw: bool,
 }
 
 impl Plan {
@@ -41,6 +46,8 @@ impl Plan {
     ) -> Result<Self, PlayerError> {
         let groups = package.draw_groups()?;
         let has = |mode: u32| groups.iter().any(|group| group.alpha_mode == mode);
+        let extensions = package.material_extensions()?;
+        let has_lobe = |bit: u32| extensions.iter().any(|lobes| lobes.lobes & bit != 0);
         let variant = Variant {
             masked: has(ALPHA_MASK),
             blended: has(ALPHA_BLEND),
@@ -50,8 +57,17 @@ impl Plan {
             brdf: settings.brdf,
             vertex_colors: scene.vertex_colors.is_some(),
             texture_transforms: scene.texture_transforms.is_some(),
+            clearcoat: has_lobe(LOBE_CLEARCOAT),
+            specular: has_lobe(LOBE_SPECULAR),
+            sheen: has_lobe(LOBE_SHEEN) && scene.brdf_lut_slot.is_some(),
+            punctual_lights: match settings.light.source {
+                LightSource::Auto | LightSource::Scene => scene.punctual_light_count,
+                LightSource::Sun | LightSource::Fallback | LightSource::None => 0,
+            },
+            debug_view: settings.debug_view != 0,
         };
-        let drawn = !groups.is_empty();
+        let overdraw = settings.debug_view == OVERDRAW_VIEW;
+        let drawn = !groups.is_empty() && !overdraw;
         let ao = drawn && settings.ao.enabled;
         let contact = drawn && settings.contact.enabled && variant.lights;
         let normals = ao || contact;
@@ -60,13 +76,14 @@ impl Plan {
             samples: gpu.samples(settings.msaa),
             prepass: match settings.prepass {
                 Prepass::Auto => normals,
-                Prepass::On => true,
+                Prepass::On => !overdraw,
                 Prepass::Off => normals,
             },
             normals,
             ao,
             contact,
-            skybox: variant.environment && settings.skybox,
+            skybox: variant.environment && settings.skybox && !overdraw,
+            overdraw,
         })
     }
 }

@@ -37,6 +37,12 @@ pub struct GpuScene {
     pub vertex_colors: Option<Buffer>,
     /// One record per 2D texture slot, the BRDF table's excepted; absent where all are the identity.
     pub texture_transforms: Option<Buffer>,
+    /// Point and spot light records; absent where the package has none.
+    pub punctual_lights: Option<Buffer>,
+    /// Records in `punctual_lights`.
+    pub punctual_light_count: u32,
+    /// Further lobes, one record per material; absent where no material has any.
+    pub material_extensions: Option<Buffer>,
     /// Records in `lights`, the fallback light included.
     pub light_count: u32,
     /// Layouts for this package's number of textures.
@@ -54,7 +60,7 @@ pub struct GpuScene {
 }
 
 /// Cube slots of the image-based light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EnvironmentSlots {
     /// Radiance.
     pub sky: u32,
@@ -64,6 +70,8 @@ pub struct EnvironmentSlots {
     pub prefiltered: u32,
     /// Levels of the prefiltered chain.
     pub prefiltered_levels: u32,
+    /// Cube texels times this are radiance.
+    pub scale: f32,
 }
 
 /// What an upload copied, and how fast.
@@ -77,6 +85,8 @@ pub struct SceneStats {
     pub light_bytes: u64,
     pub vertex_color_bytes: u64,
     pub texture_transform_bytes: u64,
+    pub punctual_light_bytes: u64,
+    pub material_extension_bytes: u64,
     pub texel_bytes: u64,
     /// Objects made.
     pub images: u32,
@@ -111,6 +121,8 @@ impl GpuScene {
         let (lights, light_count) = lights(&mut copy, package)?;
         let vertex_colors = vertex_colors(&mut copy, package, vertices.is_some())?;
         let texture_transforms = texture_transforms(&mut copy, package)?;
+        let punctual_lights = punctual_lights(&mut copy, package)?;
+        let material_extensions = material_extensions(&mut copy, package)?;
         let buffer_bytes = copy.uploader.bytes();
         let textures = Textures::upload(gpu, &mut uploader, package)?;
         let stats = SceneStats {
@@ -136,6 +148,9 @@ impl GpuScene {
             lights,
             vertex_colors,
             texture_transforms,
+            punctual_lights,
+            punctual_light_count: package.count(SectionKind::PunctualLights) as u32,
+            material_extensions,
             light_count,
             layouts,
             bindless,
@@ -275,7 +290,9 @@ fn materials(copy: &mut Copy<'_>, package: &Package) -> Result<Buffer, PlayerErr
 fn lights(copy: &mut Copy<'_>, package: &Package) -> Result<(Buffer, u32), PlayerError> {
     let records = package.directional_lights()?;
     let fallback = [fallback_light()];
-    let unlit = records.is_empty() && package.scene().environment.is_none();
+    let unlit = records.is_empty()
+        && package.punctual_lights()?.is_empty()
+        && package.scene().environment.is_none();
     let records = if unlit { &fallback[..] } else { records };
     let kind = SectionKind::DirectionalLights;
     let buffer = copy.storage(kind, bytemuck::cast_slice(records), |bytes, offset| {
@@ -311,6 +328,30 @@ fn texture_transforms(
     })
 }
 
+fn punctual_lights(copy: &mut Copy<'_>, package: &Package) -> Result<Option<Buffer>, PlayerError> {
+    let kind = SectionKind::PunctualLights;
+    let bytes = bytemuck::cast_slice(package.punctual_lights()?);
+    copy.optional(kind, bytes, true, |bytes, _| {
+        Ok(check::punctual_lights(bytemuck::cast_slice(bytes))?)
+    })
+}
+
+/// That the section has one record for each material was checked when it was opened.
+fn material_extensions(
+    copy: &mut Copy<'_>,
+    package: &Package,
+) -> Result<Option<Buffer>, PlayerError> {
+    let kind = SectionKind::MaterialExtensions;
+    let textures = package.scene().textures.len();
+    let bytes = bytemuck::cast_slice(package.material_extensions()?);
+    copy.optional(kind, bytes, true, |bytes, _| {
+        Ok(check::material_extensions(
+            bytemuck::cast_slice(bytes),
+            textures,
+        )?)
+    })
+}
+
 fn fallback_light() -> DirectionalLight {
     let direction = FALLBACK_DIRECTION.normalize();
     DirectionalLight {
@@ -329,6 +370,8 @@ fn buffer_stats(package: &Package) -> SceneStats {
         light_bytes: bytes(SectionKind::DirectionalLights),
         vertex_color_bytes: bytes(SectionKind::VertexColors),
         texture_transform_bytes: bytes(SectionKind::TextureTransforms),
+        punctual_light_bytes: bytes(SectionKind::PunctualLights),
+        material_extension_bytes: bytes(SectionKind::MaterialExtensions),
         ..SceneStats::default()
     }
 }

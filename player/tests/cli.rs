@@ -130,6 +130,61 @@ fn unknown_cameras_name_the_known_ones() {
 }
 
 #[test]
+fn bad_settings_exit_with_two_and_name_the_range() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let package = empty_package(folder.path());
+    let file = folder.path().join("look.json");
+    for (content, expected) in [
+        (r#"{"shadow": {"cascades": 9}}"#, "1 to 4"),
+        (r#"{"shadows": {}}"#, "no setting `shadows`"),
+        (r#"{"ev": 1"#, "not JSON"),
+    ] {
+        std::fs::write(&file, content).expect("a file");
+        let done = player(&[path(&package), "--headless", "--settings", path(&file)]);
+        let message = text(&done.stderr);
+        assert_eq!(done.status.code(), Some(2), "{message}");
+        assert!(
+            message.contains("look.json") && message.contains(expected),
+            "{message}"
+        );
+    }
+    let done = player(&[path(&package), "--headless", "--shadow-cascades", "9"]);
+    let message = text(&done.stderr);
+    assert_eq!(done.status.code(), Some(2), "{message}");
+    assert!(
+        message.contains("--shadow-cascades") && message.contains("1 to 4"),
+        "{message}"
+    );
+}
+
+#[test]
+fn flags_override_the_settings_file_and_reports_say_so() {
+    if !has_vulkan("flags_override_the_settings_file_and_reports_say_so") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let package = empty_package(folder.path());
+    let file = folder.path().join("look.json");
+    std::fs::write(&file, r#"{"ev": 1.5, "ao": {"steps": 7}}"#).expect("a file");
+    let done = player(&[
+        path(&package),
+        "--headless",
+        "--size",
+        "4x4",
+        "--json",
+        "--settings",
+        path(&file),
+        "--ao-steps",
+        "9",
+    ]);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&done.stdout).expect("one JSON object");
+    assert_eq!(json["settings"]["ev"], 1.5);
+    assert_eq!(json["settings"]["ao"]["steps"], 9);
+    assert_eq!(json["settings"]["ao"]["temporal"], 0.9);
+}
+
+#[test]
 fn a_missing_device_is_named() {
     if !has_vulkan("a_missing_device_is_named") {
         return;

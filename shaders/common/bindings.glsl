@@ -29,6 +29,16 @@ layout(set = 0, binding = 10, scalar) readonly buffer VertexColorBuffer {
     VertexColor vertex_colors[];
 };
 
+// Bound where the package has point or spot lights.
+layout(set = 0, binding = 11, scalar) readonly buffer PunctualLightBuffer {
+    PunctualLight punctual_lights[];
+};
+
+// Bound where some material has lobes beyond metallic-roughness; one record per material.
+layout(set = 0, binding = 12, scalar) readonly buffer MaterialExtensionBuffer {
+    MaterialExtension material_extensions[];
+};
+
 layout(set = 1, binding = 0) uniform sampler2D textures[];
 layout(set = 1, binding = 1) uniform samplerCube cubes[];
 

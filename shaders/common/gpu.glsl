@@ -7,11 +7,19 @@ const uint NO_TEXTURE = 0xffffffffu;
 const uint TEXTURE_UV1 = 0x80000000u;
 const uint MATERIAL_DOUBLE_SIDED = 0x1u;
 const uint MATERIAL_UNLIT = 0x2u;
+const uint LOBE_CLEARCOAT = 0x1u;
+const uint LOBE_SPECULAR = 0x2u;
+const uint LOBE_SHEEN = 0x4u;
 const uint ALPHA_OPAQUE = 0x0u;
 const uint ALPHA_MASK = 0x1u;
 const uint ALPHA_BLEND = 0x2u;
 const uint DRAW_DOUBLE_SIDED = 0x1u;
 const uint DRAW_MIRRORED = 0x2u;
+const uint NO_EMISSION = 0xffffffffu;
+const uint LIGHT_ENVIRONMENT = 0x1u;
+const uint LIGHT_SUN = 0x2u;
+const uint LIGHT_PUNCTUAL = 0x4u;
+const uint LIGHT_EMITTERS = 0x8u;
 const uint FEATURE_SHADOWS = 0x1u;
 const uint FEATURE_AO = 0x2u;
 const uint FEATURE_CONTACT_SHADOWS = 0x4u;
@@ -113,7 +121,7 @@ struct GeometryInfo {
     uint64_t vertex_buffer_address;
     uint64_t index_buffer_address;
     uint material_buffer_offset;
-    uint pad_20;
+    uint emissive_offset;
 };
 
 // 12 bytes
@@ -142,7 +150,7 @@ struct EmissiveTriangle {
     vec3 emission;
     float area;
     uint material_index;
-    uint pad_68;
+    float power;
     vec2 uv0;
     vec2 uv1;
     vec2 uv2;
@@ -187,17 +195,28 @@ struct ContactPush {
     float base_thickness;
 };
 
-// 36 bytes
+// 112 bytes
 struct PathTracePush {
-    uint max_bounces;
-    uint sample_count;
-    uint frame_seed;
-    uint blue_noise_index;
+    uint64_t mesh_instances;
+    vec3 sun_direction;
+    float sun_sin2;
+    vec3 sun_radiance;
     float max_clamp;
-    uint env_sampling;
-    uint directional_lights;
-    uint emissive_light_count;
-    uint lod_max_level;
+    vec3 center;
+    float cone_spread;
+    uint max_bounces;
+    uint first_sample;
+    uint sample_count;
+    uint batch;
+    uint sampled_lights;
+    uint punctual_light_count;
+    float occlusion_distance;
+    uint seed;
+    uint show_sky;
+    uint directional_light_count;
+    uint64_t vertices;
+    uint emissive_count;
+    uint pad_108;
 };
 
 // 32 bytes
@@ -218,7 +237,7 @@ struct MeshInstance {
     uint mesh;
     uint first_geometry;
     uint flags;
-    uint pad_60;
+    uint first_emissive;
 };
 
 // 32 bytes
@@ -233,6 +252,37 @@ struct TextureTransform {
 struct VertexColor {
     uint red_green;
     uint blue_alpha;
+};
+
+// 64 bytes
+struct PunctualLight {
+    vec4 position_and_range;
+    vec4 direction_and_spot_scale;
+    vec4 color_and_shadow;
+    float spot_offset;
+    uint pad_52;
+    uint pad_56;
+    uint pad_60;
+};
+
+// 80 bytes
+struct MaterialExtension {
+    vec3 sheen_color;
+    float sheen_roughness;
+    vec3 specular_color;
+    float specular_factor;
+    float dielectric_f0;
+    float clearcoat_factor;
+    float clearcoat_roughness;
+    float clearcoat_normal_scale;
+    uint clearcoat_tex;
+    uint clearcoat_roughness_tex;
+    uint clearcoat_normal_tex;
+    uint specular_tex;
+    uint specular_color_tex;
+    uint sheen_color_tex;
+    uint sheen_roughness_tex;
+    uint lobes;
 };
 
 #endif

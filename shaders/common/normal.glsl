@@ -1,4 +1,4 @@
-// The shading normal of a fragment.
+// Normals of a point: the triangle's, and the vertices' bent by normal maps.
 #ifndef CAIRN_NORMAL_GLSL
 #define CAIRN_NORMAL_GLSL
 
@@ -7,7 +7,7 @@
 // Squared length below which an interpolated vector has no direction.
 const float DEGENERATE = 1e-12;
 
-// What the vertex shader interpolates, world space.
+// What is interpolated over a triangle, world space.
 struct Frame {
     vec3 position;
     vec3 normal;
@@ -23,24 +23,39 @@ vec3 view_direction(vec3 position) {
     return normalize(global.inv_view[2].xyz);
 }
 
-// World normal: the vertex's, bent by the normal map, turned to the side that is seen. In a fragment shader.
-vec3 shading_normal(Material material, TexCoords coords, Frame frame, vec3 view, bool front_facing) {
-    // Derivatives come first, in uniform control flow.
-    vec3 facet = cross(dFdx(frame.position), dFdy(frame.position));
-    vec3 mapped = sample_normal(material, coords);
-    bool has_tangent = dot(frame.tangent, frame.tangent) > DEGENERATE;
+// The triangle's unit normal on the side that `view` points to. `facet` is a normal of any length and sign.
+vec3 facing_normal(vec3 facet, vec3 view) {
+    float length2 = dot(facet, facet);
+    vec3 normal = length2 > 0.0 ? facet * inversesqrt(length2) : view;
+    return dot(normal, view) < 0.0 ? -normal : normal;
+}
+
+// World normal of a point: the vertices', bent by the tangent-space normal `mapped`, turned to the side that is seen.
+// Without vertex normals it is the triangle's own.
+vec3 bend_normal(vec3 mapped, Frame frame, vec3 facet, vec3 view, bool front_facing) {
     if (dot(frame.normal, frame.normal) <= DEGENERATE) {
-        float length2 = dot(facet, facet);
-        vec3 flat_normal = length2 > 0.0 ? facet * inversesqrt(length2) : view;
-        return dot(flat_normal, view) < 0.0 ? -flat_normal : flat_normal;
+        return facing_normal(facet, view);
     }
     vec3 normal = frame.normal;
-    if (material.normal_tex != NO_TEXTURE && has_tangent) {
+    if (dot(frame.tangent, frame.tangent) > DEGENERATE) {
         vec3 bitangent = frame.handedness * cross(frame.normal, frame.tangent);
         normal = mapped.x * frame.tangent + mapped.y * bitangent + mapped.z * frame.normal;
         normal = dot(normal, normal) > DEGENERATE ? normal : frame.normal;
     }
     return front_facing ? normalize(normal) : -normalize(normal);
 }
+
+#ifndef CAIRN_EXPLICIT_LOD
+// A normal of the fragment's triangle, of any length and sign. In uniform control flow.
+vec3 fragment_facet(vec3 position) {
+    return cross(dFdx(position), dFdy(position));
+}
+
+// The shading normal of a fragment.
+vec3 shading_normal(Material material, TexCoords coords, Frame frame, vec3 view, bool front_facing) {
+    vec3 facet = fragment_facet(frame.position);
+    return bend_normal(sample_normal(material, coords), frame, facet, view, front_facing);
+}
+#endif
 
 #endif

@@ -1,4 +1,4 @@
-// Specialisation constants of the forward pass.
+// Specialisation constants of what shades surfaces.
 #ifndef CAIRN_OPTIONS_GLSL
 #define CAIRN_OPTIONS_GLSL
 
@@ -17,5 +17,13 @@ layout(constant_id = 5) const bool BRDF_ENERGY = true;
 layout(constant_id = 6) const bool HAS_VERTEX_COLORS = false;
 // Texture coordinates pass through their slot's transform.
 layout(constant_id = 7) const bool HAS_TEXTURE_TRANSFORMS = false;
+// Some material has a clear coat, a dielectric reflection of its own, sheen: binding 12 of set 0 is there.
+layout(constant_id = 8) const bool HAS_CLEARCOAT = false;
+layout(constant_id = 9) const bool HAS_SPECULAR = false;
+layout(constant_id = 10) const bool HAS_SHEEN = false;
+// Point and spot lights that shine.
+layout(constant_id = 11) const uint PUNCTUAL_LIGHTS = 0;
+// A debug view is drawn; without, none of its code is there.
+layout(constant_id = 12) const bool DEBUG_VIEW = false;
 
 #endif

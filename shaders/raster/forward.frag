@@ -1,10 +1,12 @@
-// Shades the scene's surfaces: directional lights, image-based light, emission, and the debug views.
+// Shades the scene's surfaces: direct light, light from the environment, emission, and the debug views.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "brdf.glsl"
-#include "environment.glsl"
 #include "finite.glsl"
+#include "lighting.glsl"
 #include "normal.glsl"
+#include "occlude.glsl"
+#include "shadow.glsl"
 
 layout(location = 0) in vec3 in_position;
 layout(location = 1) in vec3 in_normal;
@@ -16,70 +18,80 @@ layout(location = 6) in vec4 in_vertex_color;
 
 layout(location = 0) out vec4 out_color;
 
-struct Light {
-    vec3 diffuse;
-    vec3 specular;
-};
-
-Surface surface(Material material, TexCoords coords, vec3 base_color) {
-    vec2 texel = sample_texture(material.metallic_roughness_tex, coords, vec4(1.0)).gb;
-    float metallic = clamp(texel.y * material.metallic_factor, 0.0, 1.0);
-    Surface s;
-    s.metallic = metallic;
-    s.view = view_direction(in_position);
-    Frame frame = Frame(in_position, in_normal, in_tangent, in_handedness);
-    s.normal = shading_normal(material, coords, frame, s.view, gl_FrontFacing);
-    s.roughness = clamp(texel.x * material.roughness_factor, 0.0, 1.0);
-    s.n_dot_v = clamp(dot(s.normal, s.view), MIN_NDOTV, 1.0);
-    s.diffuse = base_color * (1.0 - metallic);
-    s.f0 = mix(vec3(DIELECTRIC_F0), base_color, metallic);
-    s.table = HAS_LUT
-        ? textureLod(textures[global.brdf_lut_index], vec2(s.n_dot_v, s.roughness), 0.0).rgb
-        : fitted_table(s.n_dot_v, s.roughness);
-    return s;
+void add(Reflected r, vec3 irradiance, inout Reflected sum) {
+    sum.diffuse += r.diffuse * irradiance;
+    sum.specular += r.specular * irradiance;
 }
 
-Light direct_light(Surface s) {
-    Light sum = Light(vec3(0.0), vec3(0.0));
-    if (!HAS_LIGHTS) {
-        return sum;
-    }
-    for (uint i = 0; i < global.directional_light_count; ++i) {
-        vec3 l = -lights[i].direction_and_intensity.xyz;
-        float n_dot_l = dot(s.normal, l);
-        if (n_dot_l <= 0.0) {
-            continue;
+Reflected direct_light(Surface s, vec3 geometric_normal, float view_depth) {
+    Reflected sum = Reflected(vec3(0.0), vec3(0.0));
+    if (HAS_LIGHTS) {
+        for (uint i = 0; i < global.directional_light_count; ++i) {
+            vec3 l = -lights[i].direction_and_intensity.xyz;
+            Reflected r = reflect_light(s, l);
+            // No lookup where the surface faces away.
+            if (r.diffuse + r.specular == vec3(0.0)) {
+                continue;
+            }
+            float lit = directional_shadow(i, in_position, geometric_normal, view_depth);
+            add(r, lights[i].color_and_shadow.rgb * (lights[i].direction_and_intensity.w * lit), sum);
         }
-        vec3 diffuse, specular;
-        direct_brdf(s, l, n_dot_l, diffuse, specular);
-        float intensity = lights[i].direction_and_intensity.w;
-        vec3 irradiance = lights[i].color_and_shadow.rgb * (intensity * n_dot_l);
-        sum.diffuse += diffuse * irradiance;
-        sum.specular += specular * irradiance;
+    }
+    for (uint i = 0; i < PUNCTUAL_LIGHTS; ++i) {
+        Incident incident = punctual_incident(punctual_lights[i], in_position);
+        if (incident.irradiance != vec3(0.0)) {
+            add(reflect_light(s, incident.l), incident.irradiance, sum);
+        }
     }
     return sum;
 }
 
-Light indirect_light(Surface s, float occlusion) {
-    vec3 diffuse, specular;
-    indirect_brdf(s, diffuse, specular);
-    vec3 reflected = reflect(-s.view, s.normal);
-    float scale = global.ibl_intensity * occlusion;
-    return Light(diffuse * environment_irradiance(s.normal) * scale,
-                 specular * environment_prefiltered(reflected, s.roughness) * scale);
+// Occlusion concerns light from the surroundings alone: what hides a light is its shadow.
+Reflected indirect_light(Surface s, float occlusion) {
+    Ambient ambient = environment_light(s);
+    float scale = global.ibl_intensity;
+    float specular = specular_occlusion_lagarde(s.n_dot_v, occlusion, s.roughness);
+    Reflected r;
+    r.diffuse = ambient.diffuse * multi_bounce(occlusion, s.diffuse) * scale;
+    r.specular = (ambient.specular + ambient.coat) * (specular * scale);
+    return r;
 }
 
-// The numbers are those of `GlobalUniform::debug_render_mode`; views of passes that do not exist are magenta.
-vec3 view_color(Surface s, Light direct, Light indirect, vec3 emitted, float occlusion) {
+// A hue for each whole level, blends between: white for level 0, then red to violet.
+vec3 level_color(float level) {
+    const vec3 colors[8] = vec3[8](vec3(1.0), vec3(1.0, 0.0, 0.0), vec3(1.0, 0.5, 0.0), vec3(1.0, 1.0, 0.0),
+                                   vec3(0.0, 1.0, 0.0), vec3(0.0, 1.0, 1.0), vec3(0.0, 0.0, 1.0),
+                                   vec3(0.5, 0.0, 1.0));
+    float clamped = clamp(level, 0.0, 7.0);
+    uint below = min(uint(clamped), 6u);
+    return mix(colors[below], colors[below + 1u], clamped - float(below));
+}
+
+// The level of the base colour's texture that this fragment reads; grey without one. In uniform control flow.
+vec3 mip_view(Material material, TexCoords coords) {
+    if (material.base_color_tex == NO_TEXTURE) {
+        return vec3(0.5);
+    }
+    uint slot = material.base_color_tex & ~TEXTURE_UV1;
+    vec2 uv = texture_uv(material.base_color_tex, coords);
+    return level_color(textureQueryLod(textures[nonuniformEXT(slot)], uv).x);
+}
+
+// The numbers are those of `GlobalUniform::debug_render_mode`; unknown ones are magenta.
+vec3 view_color(MaterialPoint m, Surface s, Reflected direct, Reflected indirect, float view_depth, vec3 levels) {
     switch (global.debug_render_mode) {
-    case 0: return direct.diffuse + direct.specular + indirect.diffuse + indirect.specular + emitted;
     case 1: return direct.diffuse + indirect.diffuse;
     case 2: return direct.specular + indirect.specular;
     case 3: return indirect.diffuse + indirect.specular;
     case 4: return s.normal * 0.5 + 0.5;
-    case 5: return vec3(s.metallic);
-    case 6: return vec3(s.roughness);
-    case 7: return vec3(occlusion);
+    case 5: return vec3(m.metallic);
+    case 6: return vec3(m.roughness);
+    case 7: return vec3(m.occlusion);
+    case 8: return cascade_color(view_depth);
+    case 9: return vec3(1.0);
+    case 10: return vec3(1.0);
+    case 11: return vec3(1.0);
+    case 12: return levels;
     default: return vec3(1.0, 0.0, 1.0);
     }
 }
@@ -87,23 +99,31 @@ vec3 view_color(Surface s, Light direct, Light indirect, vec3 emitted, float occ
 void main() {
     Material material = materials[in_material];
     TexCoords coords = TexCoords(in_uv.xy, in_uv.zw);
-    vec4 base = material.base_color_factor * sample_texture(material.base_color_tex, coords, vec4(1.0));
-    if (HAS_VERTEX_COLORS) {
-        base *= in_vertex_color;
-    }
-    Surface s = surface(material, coords, base.rgb);
-    float occlusion_texel = sample_texture(material.occlusion_tex, coords, vec4(1.0)).r;
-    vec3 emitted = material.emissive_factor.rgb * sample_texture(material.emissive_tex, coords, vec4(1.0)).rgb;
+    MaterialPoint m = evaluate_material(in_material, coords, in_vertex_color);
+    vec3 facet = fragment_facet(in_position);
+    vec3 levels = DEBUG_VIEW ? mip_view(material, coords) : vec3(0.0);
     // After the lookups, whose implicit derivatives need whole quads.
-    if (MASKED && base.a < material.alpha_cutoff) {
+    if (MASKED && m.base.a < material.alpha_cutoff) {
         discard;
     }
-    float occlusion = 1.0 + material.occlusion_strength * (occlusion_texel - 1.0);
+    Frame frame = Frame(in_position, in_normal, in_tangent, in_handedness);
+    vec3 view = view_direction(in_position);
+    vec3 normal = bend_normal(m.normal, frame, facet, view, gl_FrontFacing);
+    vec3 coat_normal =
+        HAS_CLEARCOAT ? bend_normal(m.clearcoat_normal, frame, facet, view, gl_FrontFacing) : normal;
+    Surface s = make_surface(m, normal, coat_normal, view);
+    float view_depth = -(global.view * vec4(in_position, 1.0)).z;
+
     vec3 color;
-    if ((material.double_sided & MATERIAL_UNLIT) != 0u && global.debug_render_mode == 0u) {
-        color = base.rgb;
+    if ((material.double_sided & MATERIAL_UNLIT) != 0u && !DEBUG_VIEW) {
+        color = m.base.rgb;
     } else {
-        color = view_color(s, direct_light(s), indirect_light(s, occlusion), emitted, occlusion);
+        Reflected direct = direct_light(s, facing_normal(facet, view), view_depth);
+        Reflected indirect = indirect_light(s, m.occlusion);
+        vec3 emitted = m.emission * emission_share(s);
+        color = DEBUG_VIEW
+            ? view_color(m, s, direct, indirect, view_depth, levels)
+            : direct.diffuse + direct.specular + indirect.diffuse + indirect.specular + emitted;
     }
-    out_color = vec4(storable(color), BLENDED ? clamp(base.a, 0.0, 1.0) : 1.0);
+    out_color = vec4(storable(color), BLENDED ? clamp(m.base.a, 0.0, 1.0) : 1.0);
 }

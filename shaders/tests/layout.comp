@@ -36,6 +36,8 @@ RECORD(16, DrawGroup)
 RECORD(17, MeshInstance)
 RECORD(18, TextureTransform)
 RECORD(19, VertexColor)
+RECORD(20, PunctualLight)
+RECORD(21, MaterialExtension)
 
 // Each record is read and written, so that no declaration is dropped.
 void main() {
@@ -59,4 +61,6 @@ void main() {
     MeshInstance_buffer.record[0] = MeshInstance_buffer.record[1];
     TextureTransform_buffer.record[0] = TextureTransform_buffer.record[1];
     VertexColor_buffer.record[0] = VertexColor_buffer.record[1];
+    PunctualLight_buffer.record[0] = PunctualLight_buffer.record[1];
+    MaterialExtension_buffer.record[0] = MaterialExtension_buffer.record[1];
 }

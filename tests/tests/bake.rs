@@ -40,6 +40,8 @@ fn an_untextured_box_holds_nothing_but_a_box() {
         SectionKind::DirectionalLights,
         SectionKind::EnvAlias,
         SectionKind::EmissiveTriangles,
+        SectionKind::PunctualLights,
+        SectionKind::MaterialExtensions,
     ] {
         assert!(package.entry(kind).is_none(), "section {}", kind.name());
     }

@@ -8,7 +8,7 @@ mod error;
 mod ispc;
 mod mips;
 mod role;
-mod srgb;
+pub(crate) mod srgb;
 
 use std::time::Instant;
 
@@ -59,6 +59,8 @@ pub struct EncodeOptions {
 pub enum AlphaUse {
     /// Nothing: stored as opaque.
     Ignore,
+    /// A value of its own, which weighs nothing.
+    Value,
     /// Opacity.
     Blend,
     /// An alpha test, opaque where `alpha >= cutoff`. The cutoff is on the texture's own alpha: the
@@ -227,7 +229,7 @@ impl<'a> Chain<'a> {
     fn descend(&mut self) {
         let weighting = match (self.role, self.source.alpha) {
             (Role::Normal, _) => Weighting::Signed,
-            (_, AlphaUse::Ignore) => Weighting::Plain,
+            (_, AlphaUse::Ignore | AlphaUse::Value) => Weighting::Plain,
             _ => Weighting::Alpha,
         };
         self.plane = mips::halve(&self.plane, self.options.filter, self.wrap(), weighting);

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::ggx::{schlick, smith_visibility};
 use super::quadrature::Rule;
+use super::sheen;
 
 /// Smallest power of two whose bilinear interpolation error stays below 1e-3 for `N.V >= 0.05`.
 ///
@@ -15,19 +16,21 @@ pub const DEFAULT_LUT_SIZE: u32 = 128;
 /// Below this `alpha` the specular lobe is a mirror to better than 1e-5.
 const SMALLEST_ALPHA: f64 = 1e-6;
 
-/// Table of `size * size` texels `[A, B, C, 0]`, rows of constant perceptual roughness.
+/// Table of `size * size` texels `[A, B, C, E]`, rows of constant perceptual roughness.
 ///
 /// Texel `(i, j)` is at `N.V = (i + 0.5) / size`, `roughness = (j + 0.5) / size`.
 /// - Specular albedo of the height-correlated Smith GGX BRDF is `F0 * A + B`.
 /// - `C`, the same in every row, is the integral of `(1 - V.H)^5 N.L / pi` over the hemisphere, so
 ///   glTF's diffuse term `(1 - F) / pi` integrates to `(1 - F0) (1 - C)`.
+/// - `E` is the directional albedo of white sheen (see [`super::sheen`]) where `sheen` asks for it, else 0.
 ///
 /// Split sum: Karis, "Real Shading in Unreal Engine 4", 2013; visibility: Heitz, JCGT 2014.
 /// Absolute error below 1e-4.
-pub fn brdf_lut(size: u32) -> Vec<[f32; 4]> {
+pub fn brdf_lut(size: u32, sheen: bool) -> Vec<[f32; 4]> {
     let side = size as usize;
     let at = |index: usize| (index as f64 + 0.5) / f64::from(size);
     let integrator = Integrator::new();
+    let rules = sheen::rules();
     let diffuse: Vec<f64> = (0..side)
         .into_par_iter()
         .map(|x| integrator.diffuse_fresnel(at(x)))
@@ -37,7 +40,12 @@ pub fn brdf_lut(size: u32) -> Vec<[f32; 4]> {
         .map(|index| {
             let (x, y) = (index % side, index / side);
             let (scale, bias) = integrator.split_sum(at(x), at(y));
-            [scale as f32, bias as f32, diffuse[x] as f32, 0.0]
+            let albedo = if sheen {
+                sheen::albedo(&rules, at(x), at(y))
+            } else {
+                0.0
+            };
+            [scale as f32, bias as f32, diffuse[x] as f32, albedo as f32]
         })
         .collect()
 }
@@ -271,7 +279,7 @@ mod tests {
 
     #[test]
     fn furnace_closes_with_energy_compensation() {
-        for [a, b, c, zero] in brdf_lut(32) {
+        for [a, b, c, zero] in brdf_lut(32, false) {
             let single = a + b;
             assert!(single > 0.3 && single < 1.0 + 1e-5, "{single}");
             assert!(a >= 0.0 && b >= 0.0 && c > 0.0 && c < 1.0 && zero == 0.0);
@@ -297,7 +305,7 @@ mod tests {
 
     /// Worst bilinear error of `[A, B, C]` for `N.V` in the given range, all roughnesses.
     fn interpolation_error(size: u32, from: f64, to: f64) -> f64 {
-        let table = brdf_lut(size);
+        let table = brdf_lut(size, false);
         let integrator = Integrator::new();
         let steps = 80;
         (0..steps * steps)

@@ -5,10 +5,13 @@ mod cells;
 mod cubemap;
 mod equirect;
 mod ggx;
+mod harmonics;
+mod importance;
 mod irradiance;
 mod prefilter;
 mod quadrature;
 mod resample;
+mod sheen;
 #[cfg(test)]
 mod tests;
 mod verify;
@@ -18,6 +21,7 @@ use std::time::Instant;
 pub use brdf_lut::{DEFAULT_LUT_SIZE, brdf_lut};
 pub use cubemap::{Cube, HALF_MAX, face_direction, level_to_rgba16f};
 pub use equirect::Equirect;
+pub use importance::ImportanceTable;
 pub use prefilter::level_roughness;
 
 use equirect::Rows;
@@ -83,12 +87,17 @@ pub struct EnvironmentProducts {
     pub irradiance: Cube,
     /// GGX-filtered radiance; level `i` of `n` has perceptual roughness `i / (n - 1)`.
     pub prefiltered: Cube,
+    /// Irradiance divided by pi: coefficients of [`cairn_format::harmonics::evaluate`].
+    pub irradiance_sh: [[f32; 3]; 9],
+    /// `None` where the sky is black.
+    pub importance: Option<ImportanceTable>,
     /// Texels of all levels above [`HALF_MAX`], which [`level_to_rgba16f`] clamps.
     pub clamped_texels: u64,
     pub reports: Vec<StageReport>,
 }
 
 const ENERGY_METRIC: &str = "relative energy error";
+const HARMONICS_METRIC: &str = "relative rms against the irradiance cube";
 const RMS_METRIC: &str = "relative rms against f64 sum over the map";
 
 /// Bakes all cube maps; `progress` receives the stage's name and the finished fraction.
@@ -122,6 +131,8 @@ pub fn bake_environment(
     let finest = levels_between(sizes.base, sizes.cells);
     let cells = cells::build(&base, finest, prefilter::COARSEST_CELLS);
     let irradiance = baker.irradiance(&cells, sizes.irradiance);
+    let irradiance_sh = baker.harmonics(&cells, &irradiance);
+    let importance = baker.importance();
     progress("prefiltered", 0.4);
     let prefiltered = baker.prefiltered(&base, &cells, &sizes, progress);
     progress("prefiltered", 1.0);
@@ -134,6 +145,8 @@ pub fn bake_environment(
         sky,
         irradiance,
         prefiltered,
+        irradiance_sh,
+        importance,
         clamped_texels,
         reports: baker.reports,
     }
@@ -178,6 +191,14 @@ fn levels_between(large: u32, small: u32) -> usize {
     (large.ilog2() - small.ilog2()) as usize
 }
 
+/// The level that diffuse light sums.
+fn summed(cells: &[cells::CellLevel]) -> &cells::CellLevel {
+    cells
+        .iter()
+        .find(|level| level.size >= IRRADIANCE_CELLS)
+        .unwrap_or(&cells[cells.len() - 1])
+}
+
 struct Baker<'a> {
     input: &'a Equirect,
     rows: Rows,
@@ -197,11 +218,7 @@ impl Baker<'_> {
 
     fn irradiance(&mut self, cells: &[cells::CellLevel], size: u32) -> Cube {
         let start = Instant::now();
-        let level = cells
-            .iter()
-            .find(|level| level.size >= IRRADIANCE_CELLS)
-            .unwrap_or(&cells[cells.len() - 1]);
-        let texels = irradiance::irradiance(level, size);
+        let texels = irradiance::irradiance(summed(cells), size);
         let seconds = start.elapsed().as_secs_f64();
         self.report_rms(
             "irradiance",
@@ -210,6 +227,35 @@ impl Baker<'_> {
             verify::cosine_kernel,
         );
         Cube::single(size, texels)
+    }
+
+    fn harmonics(&mut self, cells: &[cells::CellLevel], irradiance: &Cube) -> [[f32; 3]; 9] {
+        let start = Instant::now();
+        let harmonics = harmonics::project(summed(cells));
+        let seconds = start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        let error = harmonics::relative_rms(&harmonics.coefficients, irradiance);
+        self.reports.push(StageReport {
+            name: format!("harmonics window {:.2e}", harmonics.window),
+            seconds,
+            metric: HARMONICS_METRIC,
+            error: Some(error),
+            verify_seconds: start.elapsed().as_secs_f64(),
+        });
+        harmonics.coefficients
+    }
+
+    fn importance(&mut self) -> Option<ImportanceTable> {
+        let start = Instant::now();
+        let table = importance::build(self.input, &self.rows, 1.0);
+        self.reports.push(StageReport {
+            name: "importance".into(),
+            seconds: start.elapsed().as_secs_f64(),
+            metric: "error of the density's integral",
+            error: Some(table.as_ref().map_or(0.0, ImportanceTable::integral_error)),
+            verify_seconds: 0.0,
+        });
+        table
     }
 
     fn prefiltered(

@@ -50,6 +50,46 @@ pub(super) fn equirect_to_cube(input: &Equirect, rows: &Rows, size: u32) -> Vec<
     faces.concat()
 }
 
+/// Mean radiance over every cell of an equirectangular grid, by the same integration.
+pub(super) fn equirect_means(
+    input: &Equirect,
+    rows: &Rows,
+    width: u32,
+    height: u32,
+) -> Vec<[f32; 3]> {
+    let resampler = Resampler {
+        input,
+        rows,
+        rule: Rule::gauss_legendre(PANEL_POINTS),
+        size: 0,
+    };
+    let edge = |column: u32| resampler.column(f64::from(column) / f64::from(width) - 0.5);
+    let columns: Vec<Vec<Meridian>> = (0..width)
+        .map(|column| {
+            let mut meridians = Vec::new();
+            resampler.meridians(edge(column), edge(column + 1), 0.0, &mut meridians);
+            meridians
+        })
+        .collect();
+    let bands = Rows::new(height);
+    (0..height as usize)
+        .into_par_iter()
+        .flat_map_iter(|row| {
+            let (low, high) = (bands.y_within(row, 1.0), bands.y_within(row, 0.0));
+            let mean = |meridians: &Vec<Meridian>| {
+                let mut sum = DVec3::ZERO;
+                let mut area = 0.0;
+                for meridian in meridians {
+                    sum += resampler.along(meridian, low, high) * meridian.weight;
+                    area += meridian.weight * (high - low);
+                }
+                to_f32(sum / area)
+            };
+            columns.iter().map(mean).collect::<Vec<_>>()
+        })
+        .collect()
+}
+
 /// Longitude of a side face's centre in turns; `None` for the faces of the poles.
 fn side_face_turn(face: usize) -> Option<f64> {
     match face {

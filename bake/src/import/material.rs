@@ -7,20 +7,31 @@ use gltf::json::material::AlphaMode as AlphaModeJson;
 use gltf::json::validation::Checked;
 
 use crate::diagnostic::Result;
-use crate::scene::{AlphaMode, Material, TextureRef, UvTransform};
+use crate::scene::{AlphaMode, Lobes, Material, TextureRef, UvTransform};
 
 use super::context::Context;
 use super::extension;
+use super::lobes::LobesJson;
 use super::uv_sets::UvSets;
 
 /// The places of textures in a material, in the order of `super::slots`.
-const SLOTS: [&str; 5] = [
+const SLOTS: [&str; 12] = [
     "pbrMetallicRoughness/baseColorTexture",
     "pbrMetallicRoughness/metallicRoughnessTexture",
     "normalTexture",
     "occlusionTexture",
     "emissiveTexture",
+    "extensions/KHR_materials_clearcoat/clearcoatTexture",
+    "extensions/KHR_materials_clearcoat/clearcoatRoughnessTexture",
+    "extensions/KHR_materials_clearcoat/clearcoatNormalTexture",
+    "extensions/KHR_materials_specular/specularTexture",
+    "extensions/KHR_materials_specular/specularColorTexture",
+    "extensions/KHR_materials_sheen/sheenColorTexture",
+    "extensions/KHR_materials_sheen/sheenRoughnessTexture",
 ];
+
+/// Position of the clear coat's normal map in [`SLOTS`].
+const CLEARCOAT_NORMAL: usize = 7;
 
 /// A texture as the file names it: glTF indices, `KHR_texture_transform` applied to the set.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,8 +45,8 @@ pub(super) struct Slot {
 /// The texture slots of material `index`, in the order of `super::slots`.
 ///
 /// # Errors
-/// A malformed `KHR_texture_transform`.
-pub(super) fn texture_slots(context: &Context, index: u32) -> Result<[Option<Slot>; 5]> {
+/// A malformed extension.
+pub(super) fn texture_slots(context: &Context, index: u32) -> Result<[Option<Slot>; 12]> {
     const TRANSFORM: &str = "KHR_texture_transform";
     let material = &context.document.materials[index as usize];
     let pbr = &material.pbr_metallic_roughness;
@@ -63,12 +74,24 @@ pub(super) fn texture_slots(context: &Context, index: u32) -> Result<[Option<Slo
         let others = t.extensions.as_ref().map(|extensions| &extensions.others);
         free(3, t.index, t.tex_coord, others)
     });
+    let lobes = LobesJson::read(context, index)?;
+    let coat_normal = lobes.clearcoat.clearcoat_normal_texture.as_ref().map(|t| {
+        let others = t.extensions.as_ref().map(|extensions| &extensions.others);
+        free(CLEARCOAT_NORMAL, t.index, t.tex_coord, others)
+    });
     Ok([
         info(pbr.base_color_texture.as_ref()),
         info(pbr.metallic_roughness_texture.as_ref()),
         normal.transpose()?,
         occlusion.transpose()?,
         info(material.emissive_texture.as_ref()),
+        info(lobes.clearcoat.clearcoat_texture.as_ref()),
+        info(lobes.clearcoat.clearcoat_roughness_texture.as_ref()),
+        coat_normal.transpose()?,
+        info(lobes.specular.specular_texture.as_ref()),
+        info(lobes.specular.specular_color_texture.as_ref()),
+        info(lobes.sheen.sheen_color_texture.as_ref()),
+        info(lobes.sheen.sheen_roughness_texture.as_ref()),
     ])
 }
 
@@ -89,7 +112,7 @@ fn slot(
 /// Reads material `index`. Texture references still carry glTF indices.
 ///
 /// # Errors
-/// A missing texture, a malformed texture transform or an unknown alpha mode.
+/// A missing texture, a malformed extension or an unknown alpha mode.
 pub(super) fn read(context: &Context, index: u32) -> Result<Material> {
     let material = &context.document.materials[index as usize];
     let reader = Reader {
@@ -106,7 +129,16 @@ pub(super) fn read(context: &Context, index: u32) -> Result<Material> {
         normal_map,
         occlusion_map,
         emissive,
+        clearcoat_texture,
+        clearcoat_roughness_texture,
+        clearcoat_normal_texture,
+        specular_texture,
+        specular_color_texture,
+        sheen_color_texture,
+        sheen_roughness_texture,
     ] = reader.textures(index)?;
+    let within = |property: &str, value, low, high| reader.within(property, value, low, high);
+    let factors = LobesJson::read(context, index)?.factors(&within);
     Ok(Material {
         name: material
             .name
@@ -137,6 +169,16 @@ pub(super) fn read(context: &Context, index: u32) -> Result<Material> {
         normal_texture: normal_map,
         occlusion_texture: occlusion_map,
         emissive_texture: emissive,
+        lobes: Lobes {
+            clearcoat_texture,
+            clearcoat_roughness_texture,
+            clearcoat_normal_texture,
+            specular_texture,
+            specular_color_texture,
+            sheen_color_texture,
+            sheen_roughness_texture,
+            ..factors
+        },
     })
 }
 
@@ -183,7 +225,7 @@ impl Reader<'_> {
     }
 
     /// The texture slots of material `index`, their sets mapped to `uv0` and `uv1`.
-    fn textures(&self, index: u32) -> Result<[Option<TextureRef>; 5]> {
+    fn textures(&self, index: u32) -> Result<[Option<TextureRef>; 12]> {
         let slots = texture_slots(self.context, index)?;
         let sets = UvSets::of(self.context, Some(index))?;
         if sets.surplus > 0 {
@@ -194,7 +236,7 @@ impl Reader<'_> {
             );
             self.context.warn("texcoord-set", &self.pointer, message);
         }
-        let mut references = [None; 5];
+        let mut references = [None; 12];
         for ((reference, slot), property) in references.iter_mut().zip(slots).zip(SLOTS) {
             *reference = slot
                 .map(|slot| self.reference(property, slot, &sets))
@@ -321,7 +363,7 @@ mod tests {
             slot(4)
         ));
         let mut material = read(&context, 0).unwrap();
-        for (number, slot) in (0..).zip(crate::import::slots(&mut material)) {
+        for (number, slot) in (0..5).zip(crate::import::slots(&mut material)) {
             let expected = TextureRef {
                 texture: 0,
                 uv_set: number % 2,

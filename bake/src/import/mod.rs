@@ -13,6 +13,7 @@ mod image;
 mod instancing;
 mod integers;
 mod light;
+mod lobes;
 mod material;
 mod mesh;
 mod meshopt;
@@ -110,13 +111,20 @@ fn read_materials(context: &Context, scene: &mut Scene) -> Result<()> {
 }
 
 /// The texture slots of a material, in a fixed order.
-fn slots(material: &mut Material) -> [&mut Option<crate::scene::TextureRef>; 5] {
+fn slots(material: &mut Material) -> [&mut Option<crate::scene::TextureRef>; 12] {
     [
         &mut material.base_color_texture,
         &mut material.metallic_roughness_texture,
         &mut material.normal_texture,
         &mut material.occlusion_texture,
         &mut material.emissive_texture,
+        &mut material.lobes.clearcoat_texture,
+        &mut material.lobes.clearcoat_roughness_texture,
+        &mut material.lobes.clearcoat_normal_texture,
+        &mut material.lobes.specular_texture,
+        &mut material.lobes.specular_color_texture,
+        &mut material.lobes.sheen_color_texture,
+        &mut material.lobes.sheen_roughness_texture,
     ]
 }
 

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use super::*;
 use crate::prepare::testing::{Random, grid, node, one_mesh};
 use crate::prepare::{Prepared, prepare};
-use crate::scene::{Material, Primitive, UvTransform};
+use crate::scene::{AlphaMode, Material, Primitive, UvTransform};
 
 fn lamp() -> Material {
     Material {
@@ -67,14 +67,26 @@ fn areas_and_places_follow_f64() {
     }
 }
 
+/// A hit finds its triangle's record by counting, so no record may be missing.
 #[test]
-fn triangles_without_area_are_left_out() {
+fn triangles_that_a_transform_flattens_keep_their_place() {
     let mut sheet = grid(2);
     sheet.indices.extend([0, 0, 1]);
-    let flat = DMat4::from_scale(DVec3::new(1.0, 0.0, 0.0));
+    let flat = DMat4::from_scale(DVec3::new(0.0, 1.0, 0.0));
     let found = prepared(&lit(sheet, &[flat, DMat4::IDENTITY]));
-    assert_eq!(found.emissive_triangles.len(), 8);
-    assert!(found.emissive_triangles.iter().all(|one| one.area > 0.0));
+    let areas: Vec<bool> = found
+        .emissive_triangles
+        .iter()
+        .map(|one| one.area > 0.0)
+        .collect();
+    assert_eq!(areas.len(), 16);
+    assert!(areas[8..].iter().all(|has| *has));
+    let firsts: Vec<u32> = found
+        .mesh_instances
+        .iter()
+        .map(|instance| instance.first_emissive)
+        .collect();
+    assert_eq!(firsts, [0, 8]);
 }
 
 #[test]
@@ -89,6 +101,11 @@ fn only_light_is_listed() {
         assert!(prepared(&scene).emissive_triangles.is_empty());
         scene.materials[0] = lamp;
     }
+    scene.materials[0].alpha_mode = AlphaMode::Mask;
+    let masked = prepared(&scene);
+    assert!(masked.emissive_triangles.is_empty());
+    assert_eq!(masked.mesh_instances[0].first_emissive, NO_EMISSION);
+    scene.materials[0].alpha_mode = AlphaMode::Opaque;
     assert_eq!(prepared(&scene).emissive_triangles.len(), 8);
 }
 

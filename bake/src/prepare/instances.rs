@@ -214,7 +214,7 @@ fn mesh_instance(node: &Node, geometry: &Stored) -> gpu::MeshInstance {
         } else {
             0
         },
-        pad_60: 0,
+        first_emissive: gpu::NO_EMISSION,
     }
 }
 

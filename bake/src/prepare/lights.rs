@@ -21,6 +21,41 @@ pub(super) fn directional(scene: &Scene) -> Vec<gpu::DirectionalLight> {
         .collect()
 }
 
+/// GPU records of the point and spot lights; they cast shadows.
+pub(super) fn punctual(scene: &Scene) -> Vec<gpu::PunctualLight> {
+    scene.lights.iter().filter_map(punctual_light).collect()
+}
+
+fn punctual_light(light: &source::Light) -> Option<gpu::PunctualLight> {
+    let (range, [scale, offset]) = match light.kind {
+        source::LightKind::Directional => return None,
+        source::LightKind::Point { range } => (range, [0.0, 1.0]),
+        source::LightKind::Spot {
+            range,
+            inner,
+            outer,
+        } => (range, cone(inner, outer)),
+    };
+    let range = if range.is_finite() { range } else { 0.0 };
+    Some(gpu::PunctualLight {
+        position_and_range: light.position.as_vec3().extend(range).to_array(),
+        direction_and_spot_scale: light.direction.as_vec3().extend(scale).to_array(),
+        color_and_shadow: (light.color * light.intensity).extend(1.0).to_array(),
+        spot_offset: offset,
+        pad_52: 0,
+        pad_56: 0,
+        pad_60: 0,
+    })
+}
+
+/// Scale and offset of the cosine: 1 inside the inner cone, 0 outside the outer one (`KHR_lights_punctual`).
+fn cone(inner: f32, outer: f32) -> [f32; 2] {
+    const NARROWEST: f64 = 0.001;
+    let [inner, outer] = [inner, outer].map(|angle| libm::cos(f64::from(angle)));
+    let scale = 1.0 / (inner - outer).max(NARROWEST);
+    [scale as f32, (-outer * scale) as f32]
+}
+
 /// Every light.
 ///
 /// # Errors
@@ -47,7 +82,7 @@ fn light(scene: &Scene, light: &source::Light) -> Result<scene::Light> {
         } => (LightKind::Spot, limited(range), inner, outer),
     };
     let scalars = Vec3::new(light.intensity, inner_angle, outer_angle);
-    if !scalars.is_finite() || !light.color.is_finite() {
+    if !scalars.is_finite() || !(light.color * light.intensity).is_finite() {
         let message = format!("{} has numbers that are not finite", what());
         return Err(fault(scene, "non-finite-light", message));
     }
@@ -170,6 +205,34 @@ mod tests {
     }
 
     #[test]
+    fn point_and_spot_lights_have_records() {
+        let kinds = [
+            source::LightKind::Point {
+                range: f32::INFINITY,
+            },
+            source::LightKind::Directional,
+            spot(9.0),
+        ];
+        let scene = Scene {
+            lights: kinds.map(lamp).to_vec(),
+            ..Scene::default()
+        };
+        let [point, spot] = punctual(&scene).try_into().expect("two records");
+        assert_eq!(point.position_and_range, [1.0, 2.0, 3.0, 0.0]);
+        assert_eq!(point.color_and_shadow, [40.0, 20.0, 10.0, 1.0]);
+        assert_eq!(
+            (point.direction_and_spot_scale[3], point.spot_offset),
+            (0.0, 1.0)
+        );
+        assert_eq!(spot.position_and_range[3], 9.0);
+        let at = |angle: f32| spot.direction_and_spot_scale[3] * angle.cos() + spot.spot_offset;
+        assert!((at(0.1) - 1.0).abs() < 1e-4, "the inner cone: {}", at(0.1));
+        assert!(at(0.2).abs() < 1e-4, "the outer cone: {}", at(0.2));
+        assert!(at(0.15) > 0.2 && at(0.15) < 0.8);
+        assert_eq!(cone(0.3, 0.3)[0], 1000.0, "cones of one angle have an edge");
+    }
+
+    #[test]
     fn places_beyond_f32_are_errors() {
         let mut far = lamp(spot(1.0));
         far.position.x = 1e39;
@@ -179,6 +242,14 @@ mod tests {
         };
         let error = lights(&scene).expect_err("the position overflows");
         assert!(error.to_string().contains("light `lamp`"), "{error}");
+        let mut bright = lamp(spot(1.0));
+        (bright.intensity, bright.color.x) = (f32::MAX, 2.0);
+        let scene = Scene {
+            lights: vec![bright],
+            ..Scene::default()
+        };
+        let error = lights(&scene).expect_err("the product overflows");
+        assert!(error.to_string().contains("not finite"), "{error}");
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! What materials need of geometry.
 
-use cairn_format::features;
+use cairn_format::{features, gpu};
 
-use crate::scene::{AlphaMode, Material, Scene, TextureRef};
+use crate::scene::{AlphaMode, Lobes, Material, Scene, TextureRef};
 
 /// The textures of a material that can change what is seen: an unlit material shows its base colour alone
 /// (`KHR_materials_unlit`), an emissive factor of zero hides its texture, and so does an occlusion strength
@@ -21,6 +21,22 @@ pub struct MaterialUse {
     pub emissive: Option<TextureRef>,
     /// Whether light leaves the material without falling on it.
     pub emits: bool,
+    /// R.
+    pub clearcoat: Option<TextureRef>,
+    /// G.
+    pub clearcoat_roughness: Option<TextureRef>,
+    /// Tangent-space normal of the coat.
+    pub clearcoat_normal: Option<TextureRef>,
+    /// A.
+    pub specular: Option<TextureRef>,
+    /// sRGB colour.
+    pub specular_color: Option<TextureRef>,
+    /// sRGB colour.
+    pub sheen_color: Option<TextureRef>,
+    /// A.
+    pub sheen_roughness: Option<TextureRef>,
+    /// Bits of the `LOBE_*` constants of [`gpu`].
+    pub lobes: u32,
 }
 
 impl MaterialUse {
@@ -46,7 +62,42 @@ impl MaterialUse {
                 .filter(|_| material.occlusion_strength > 0.0),
             emissive: material.emissive_texture.filter(|_| emits),
             emits,
+            ..Self::of_lobes(material)
         }
+    }
+
+    /// A factor of zero hides a lobe with its textures, and a metal has no dielectric reflection.
+    fn of_lobes(material: &Material) -> Self {
+        let Lobes {
+            clearcoat_texture,
+            clearcoat_roughness_texture,
+            clearcoat_normal_texture,
+            specular_texture,
+            specular_color_texture,
+            sheen_color_texture,
+            sheen_roughness_texture,
+            ..
+        } = material.lobes;
+        let lobes = lobes(material);
+        let shown = |bit: u32, texture: Option<TextureRef>| texture.filter(|_| lobes & bit != 0);
+        Self {
+            clearcoat: shown(gpu::LOBE_CLEARCOAT, clearcoat_texture),
+            clearcoat_roughness: shown(gpu::LOBE_CLEARCOAT, clearcoat_roughness_texture),
+            clearcoat_normal: shown(gpu::LOBE_CLEARCOAT, clearcoat_normal_texture),
+            specular: shown(gpu::LOBE_SPECULAR, specular_texture)
+                .filter(|_| material.lobes.specular > 0.0),
+            specular_color: shown(gpu::LOBE_SPECULAR, specular_color_texture)
+                .filter(|_| material.lobes.specular > 0.0),
+            sheen_color: shown(gpu::LOBE_SHEEN, sheen_color_texture),
+            sheen_roughness: shown(gpu::LOBE_SHEEN, sheen_roughness_texture),
+            lobes,
+            ..Self::default()
+        }
+    }
+
+    /// The texture in whose coordinates tangents are made: the normal map, else the coat's.
+    pub fn tangent_space(&self) -> Option<TextureRef> {
+        self.normal.or(self.clearcoat_normal)
     }
 
     /// Whether some texture samples with coordinate set `set`.
@@ -57,12 +108,37 @@ impl MaterialUse {
             self.normal,
             self.occlusion,
             self.emissive,
+            self.clearcoat,
+            self.clearcoat_roughness,
+            self.clearcoat_normal,
+            self.specular,
+            self.specular_color,
+            self.sheen_color,
+            self.sheen_roughness,
         ];
         textures
             .iter()
             .flatten()
             .any(|texture| texture.uv_set == set)
     }
+}
+
+/// Bits of the lobes of a lit material that can be seen.
+fn lobes(material: &Material) -> u32 {
+    let lobes = &material.lobes;
+    let reflects = Lobes {
+        ior: lobes.ior,
+        specular: lobes.specular,
+        specular_color: lobes.specular_color,
+        specular_texture: lobes.specular_texture,
+        specular_color_texture: lobes.specular_color_texture,
+        ..Lobes::default()
+    };
+    let metal = material.metallic == 1.0 && material.metallic_roughness_texture.is_none();
+    let bit = |bit: u32, condition: bool| if condition { bit } else { 0 };
+    bit(gpu::LOBE_CLEARCOAT, lobes.clearcoat > 0.0)
+        | bit(gpu::LOBE_SPECULAR, !metal && reflects != Lobes::default())
+        | bit(gpu::LOBE_SHEEN, lobes.sheen_color.max_element() > 0.0)
 }
 
 /// The material that `index` names; `None` is glTF's default material.
@@ -80,7 +156,10 @@ pub(super) fn features(scene: &Scene, used: &[Option<u32>]) -> u32 {
         set(features::BLEND, material.alpha_mode == AlphaMode::Blend);
         set(features::DOUBLE_SIDED, material.double_sided);
         set(features::UNLIT, material.unlit);
-        set(features::NORMAL_MAPS, uses.normal.is_some());
+        set(features::NORMAL_MAPS, uses.tangent_space().is_some());
+        set(features::CLEARCOAT, uses.lobes & gpu::LOBE_CLEARCOAT != 0);
+        set(features::SPECULAR, uses.lobes & gpu::LOBE_SPECULAR != 0);
+        set(features::SHEEN, uses.lobes & gpu::LOBE_SHEEN != 0);
         set(features::EMISSIVE, uses.emits);
         set(features::UV1, uses.samples(1));
     }
@@ -123,6 +202,34 @@ mod tests {
         }));
         assert!(unlit.samples(0) && !unlit.samples(1) && !unlit.emits);
         assert_eq!(MaterialUse::of(None), MaterialUse::default());
+    }
+
+    #[test]
+    fn lobes_without_effect_are_not_used() {
+        let texture = Some(TextureRef::new(0, 1));
+        let mut material = Material {
+            lobes: Lobes {
+                clearcoat_texture: texture,
+                sheen_roughness_texture: texture,
+                specular_texture: texture,
+                ior: 1.1,
+                ..Lobes::default()
+            },
+            ..Material::default()
+        };
+        assert_eq!(MaterialUse::of(Some(&material)), MaterialUse::default());
+        material.metallic = 0.5;
+        let uses = MaterialUse::of(Some(&material));
+        assert_eq!(uses.lobes, gpu::LOBE_SPECULAR);
+        assert_eq!((uses.specular, uses.clearcoat), (texture, None));
+        material.lobes.clearcoat = 0.5;
+        material.lobes.sheen_color.y = 0.1;
+        material.lobes.clearcoat_normal_texture = texture;
+        let uses = MaterialUse::of(Some(&material));
+        assert_eq!(uses.tangent_space(), texture);
+        assert_eq!((uses.sheen_roughness, uses.clearcoat), (texture, texture));
+        let all = features::CLEARCOAT | features::SPECULAR | features::SHEEN;
+        assert_eq!(bits(material), all | features::UV1 | features::NORMAL_MAPS);
     }
 
     #[test]

@@ -62,10 +62,12 @@ pub struct Prepared {
     pub draw_groups: Vec<gpu::DrawGroup>,
     /// One per node that carries a stored mesh, in the order of the scene.
     pub mesh_instances: Vec<gpu::MeshInstance>,
-    /// Triangles that emit, in world space; see the warnings where there are too many.
+    /// Triangles that emit, in world space, their powers zero yet; see the warnings where there are too many.
     pub emissive_triangles: Vec<gpu::EmissiveTriangle>,
     /// The directional ones of `lights`.
     pub directional_lights: Vec<gpu::DirectionalLight>,
+    /// The point and spot lights of `lights`.
+    pub punctual_lights: Vec<gpu::PunctualLight>,
     /// Every light of the scene.
     pub lights: Vec<scene::Light>,
     /// Every camera of the scene.
@@ -190,19 +192,24 @@ pub fn prepare(scene: &mut Scene, progress: &(dyn Fn(f32) + Sync)) -> Result<Pre
     validate::scene(scene)?;
     let geometry = geometry::build(scene, &|done| progress(done * 0.9))?;
     let mut steps = geometry.steps;
-    let placed = steps.time(Step::Bounds, 0, || instances::place(scene, &geometry))?;
+    let mut placed = steps.time(Step::Bounds, 0, || instances::place(scene, &geometry))?;
     let mut diagnostics = geometry.diagnostics.clone();
     let mut features = materials::features(scene, &geometry.materials);
     let mut emissive_triangles = Vec::new();
     if features & features::EMISSIVE != 0 {
         let start = Instant::now();
-        let (triangles, warning) = emission::triangles(scene, &geometry, &placed);
-        steps.record(Step::Emission, triangles.len() as u64, start.elapsed());
-        emissive_triangles = triangles;
+        let (listed, warning) = emission::list(scene, &geometry, &placed);
+        let count = listed.triangles.len() as u64;
+        steps.record(Step::Emission, count, start.elapsed());
+        emissive_triangles = listed.triangles;
+        for (node, first) in placed.mesh_instances.iter_mut().zip(listed.firsts) {
+            node.first_emissive = first;
+        }
         diagnostics.extend(warning);
     }
     let lights = lights::lights(scene)?;
     let directional_lights = lights::directional(scene);
+    let punctual_lights = lights::punctual(scene);
     let cameras = lights::cameras(scene)?;
 
     let mut stats = geometry.stats;
@@ -210,6 +217,7 @@ pub fn prepare(scene: &mut Scene, progress: &(dyn Fn(f32) + Sync)) -> Result<Pre
     let mut set = |bit: u32, condition: bool| features |= if condition { bit } else { 0 };
     set(features::MIRRORED, placed.mirrored);
     set(features::DIRECTIONAL_LIGHTS, !directional_lights.is_empty());
+    set(features::PUNCTUAL_LIGHTS, !punctual_lights.is_empty());
     set(features::VERTEX_COLORS, !geometry.colors.is_empty());
     progress(1.0);
     Ok(Prepared {
@@ -231,6 +239,7 @@ pub fn prepare(scene: &mut Scene, progress: &(dyn Fn(f32) + Sync)) -> Result<Pre
         mesh_instances: placed.mesh_instances,
         emissive_triangles,
         directional_lights,
+        punctual_lights,
         lights,
         cameras,
         materials_used: geometry.materials,

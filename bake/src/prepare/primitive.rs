@@ -97,7 +97,7 @@ fn weld(
         tangents: Tangents::None,
     };
     let mut warning = None;
-    if let Some(texture) = uses.normal {
+    if let Some(texture) = uses.tangent_space() {
         steps.time(Step::Tangents, triangles, || {
             corners.normal_uvs = match texture.uv_set {
                 0 => primitive.uv0.as_deref(),

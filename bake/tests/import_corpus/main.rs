@@ -131,6 +131,13 @@ fn check_invariants(path: &Path, scene: &Scene) {
             material.normal_texture,
             material.occlusion_texture,
             material.emissive_texture,
+            material.lobes.clearcoat_texture,
+            material.lobes.clearcoat_roughness_texture,
+            material.lobes.clearcoat_normal_texture,
+            material.lobes.specular_texture,
+            material.lobes.specular_color_texture,
+            material.lobes.sheen_color_texture,
+            material.lobes.sheen_roughness_texture,
         ] {
             assert!(
                 slot.is_none_or(|s| (s.texture as usize) < scene.textures.len()),

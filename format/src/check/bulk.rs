@@ -1,9 +1,12 @@
 //! Rules of bulk data: what a GPU follows, and what the hashes cover.
 
 use crate::error::{Error, Part, Result};
-use crate::gpu::{DRAW_DOUBLE_SIDED, DRAW_MIRRORED, Instance, MeshInstance, TextureTransform};
+use crate::gpu::{
+    DRAW_DOUBLE_SIDED, DRAW_MIRRORED, EmissiveAliasEntry, EmissiveAliasHeader, Instance,
+    MATERIAL_UNLIT, Material, MeshInstance, NO_EMISSION, TextureTransform,
+};
 use crate::package::Package;
-use crate::scene::ArchivedScene;
+use crate::scene::{ArchivedPrimitive, ArchivedScene};
 use crate::section::SectionKind;
 use crate::vertex::Vertex;
 
@@ -47,8 +50,101 @@ pub(crate) fn bulk(package: &Package) -> Result<()> {
     let materials = package.count(SectionKind::Materials) as u32;
     instances(package.instances()?, 0, materials)?;
     mesh_instances(package.mesh_instances()?, package.scene())?;
+    emissive(package)?;
     instance_bounds(package)?;
+    super::env_alias(package.section(SectionKind::EnvAlias)?)?;
     texture_transforms(package.texture_transforms()?)
+}
+
+/// Emissive triangles are finite, their table draws only what is there, and each mesh instance's triangles are
+/// listed.
+pub fn emissive(package: &Package) -> Result<()> {
+    let triangles = package.emissive_triangles()?;
+    let materials = package.count(SectionKind::Materials) as u32;
+    for (index, triangle) in triangles.iter().enumerate() {
+        let fail = |what: &str| {
+            let what = format!("triangle {index} {what}");
+            Err(section_error(SectionKind::EmissiveTriangles, index, what))
+        };
+        let values = [triangle.v0, triangle.v1, triangle.v2, triangle.emission];
+        let coordinates = [triangle.uv0, triangle.uv1, triangle.uv2];
+        if !finite(values.as_flattened()) || !finite(coordinates.as_flattened()) {
+            return fail("is not finite");
+        }
+        if !(triangle.power.is_finite() && triangle.power >= 0.0 && triangle.area >= 0.0) {
+            return fail("has no power or area");
+        }
+        if triangle.material_index >= materials {
+            return fail("has no material");
+        }
+    }
+    emissive_table(package.emissive_alias()?, triangles.len())?;
+    let scene = package.scene();
+    for (index, instance) in package.mesh_instances()?.iter().enumerate() {
+        let Some(mesh) = scene.meshes.get(instance.mesh as usize) else {
+            continue;
+        };
+        let first = mesh.first_primitive.to_native() as usize;
+        let primitives =
+            &scene.primitives[first..first + mesh.primitive_count.to_native() as usize];
+        let listed: u64 = primitives
+            .iter()
+            .map(|primitive| emitted(package, primitive))
+            .sum::<Result<u64>>()?;
+        let start = u64::from(instance.first_emissive);
+        if instance.first_emissive != NO_EMISSION && start + listed > triangles.len() as u64 {
+            let what = format!("{listed} emissive triangles from {start} on");
+            return Err(section_error(SectionKind::MeshInstances, index, what));
+        }
+    }
+    Ok(())
+}
+
+/// Triangles of a primitive that an instance lists as emissive.
+fn emitted(package: &Package, primitive: &ArchivedPrimitive) -> Result<u64> {
+    let material = package.materials()?[primitive.material.to_native() as usize];
+    let triangles = u64::from(primitive.traced_index_count.to_native() / 3);
+    Ok(if emits(&material) && primitive.opaque {
+        triangles
+    } else {
+        0
+    })
+}
+
+/// Whether light leaves a material by itself, and is sampled.
+pub fn emits(material: &Material) -> bool {
+    let shines = material.emissive_factor[..3]
+        .iter()
+        .any(|factor| *factor > 0.0);
+    shines && material.double_sided & MATERIAL_UNLIT == 0
+}
+
+fn emissive_table(words: &[u32], triangles: usize) -> Result<()> {
+    const HEADER: usize = size_of::<EmissiveAliasHeader>() / 4;
+    const ENTRY: usize = size_of::<EmissiveAliasEntry>() / 4;
+    if words.is_empty() {
+        return Ok(());
+    }
+    let fail =
+        |index: usize, what: String| Err(section_error(SectionKind::EmissiveAlias, index, what));
+    if words.len() != HEADER + triangles * ENTRY || words[0] as usize != triangles {
+        let what = format!("{} words for {triangles} triangles", words.len());
+        return fail(0, what);
+    }
+    let total = f32::from_bits(words[1]);
+    if !(total.is_finite() && total > 0.0) {
+        return fail(1, format!("total power {total}"));
+    }
+    let entries: &[EmissiveAliasEntry] = bytemuck::cast_slice(&words[HEADER..]);
+    for (index, entry) in entries.iter().enumerate() {
+        if entry.alias_index as usize >= triangles || !(0.0..=1.0).contains(&entry.prob) {
+            return fail(
+                HEADER + index * ENTRY,
+                format!("entry {index} of {triangles}"),
+            );
+        }
+    }
+    Ok(())
 }
 
 /// Texture transforms are finite.
@@ -115,7 +211,8 @@ pub fn instances(instances: &[Instance], first: usize, materials: u32) -> Result
     Ok(())
 }
 
-fn mesh_instances(instances: &[MeshInstance], scene: &ArchivedScene) -> Result<()> {
+/// Top-level instances: meshes in range, matrices finite.
+pub fn mesh_instances(instances: &[MeshInstance], scene: &ArchivedScene) -> Result<()> {
     for (index, instance) in instances.iter().enumerate() {
         let fail = |what: String| Err(section_error(SectionKind::MeshInstances, index, what));
         let Some(mesh) = scene.meshes.get(instance.mesh as usize) else {

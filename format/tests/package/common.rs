@@ -2,7 +2,9 @@
 
 use bytemuck::Zeroable;
 use cairn_format::bounds::to_arrays;
-use cairn_format::gpu::{DrawGroup, Instance, Material, MeshInstance};
+use cairn_format::gpu::{
+    DrawGroup, Instance, Material, MaterialExtension, MeshInstance, PunctualLight,
+};
 use cairn_format::scene::{
     Bounds, Image, ImageRole, Level, MaterialInfo, Mesh, MipFilter, Primitive, Sampler, Scene,
     Texture, Wrap,
@@ -20,7 +22,10 @@ pub struct Content {
     pub draw_groups: Vec<DrawGroup>,
     pub mesh_instances: Vec<MeshInstance>,
     pub materials: Vec<Material>,
+    pub punctual_lights: Vec<PunctualLight>,
+    pub material_extensions: Vec<MaterialExtension>,
     pub texels: Vec<u8>,
+    pub env_alias: Vec<u8>,
 }
 
 const UNIT: Bounds = Bounds {
@@ -68,12 +73,15 @@ pub fn tiny() -> (Scene, Content) {
             base_color_tex: 0,
             ..Material::default()
         }],
+        punctual_lights: Vec::new(),
+        material_extensions: Vec::new(),
         texels: [[255, 0, 0, 255], [0, 255, 0, 255]]
             .concat()
             .into_iter()
             .chain([0; 8])
             .chain([128; 4])
             .collect(),
+        env_alias: Vec::new(),
     };
     (scene(), content)
 }
@@ -142,7 +150,13 @@ pub fn package(scene: &Scene, content: &Content) -> Vec<u8> {
         .records(SectionKind::DrawGroups, &content.draw_groups)
         .records(SectionKind::MeshInstances, &content.mesh_instances)
         .records(SectionKind::Materials, &content.materials)
-        .bytes(SectionKind::Texels, content.texels.as_slice());
+        .records(SectionKind::PunctualLights, &content.punctual_lights)
+        .records(
+            SectionKind::MaterialExtensions,
+            &content.material_extensions,
+        )
+        .bytes(SectionKind::Texels, content.texels.as_slice())
+        .bytes(SectionKind::EnvAlias, content.env_alias.as_slice());
     writer.to_vec(scene, "0.1.0").expect("writing to memory")
 }
 

@@ -1,6 +1,7 @@
 //! Packages round trip, and damaged ones are refused.
 
 mod common;
+mod environment;
 mod rules;
 
 use cairn_format::header::{ALIGNMENT, HEADER_BYTES, PAGE};

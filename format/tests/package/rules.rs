@@ -1,8 +1,9 @@
 //! Packages with right hashes and wrong content: each rule refuses its violation.
 
 use crate::common::{Content, package, tiny};
-use cairn_format::gpu::{NO_TEXTURE, TEXTURE_UV1};
-use cairn_format::scene::{Camera, Environment, ProjectionKind, Scene};
+use bytemuck::Zeroable;
+use cairn_format::gpu::{MaterialExtension, NO_TEXTURE, PunctualLight, TEXTURE_UV1};
+use cairn_format::scene::{Camera, ProjectionKind, Scene};
 use cairn_format::{Package, Result};
 
 fn open(change: impl FnOnce(&mut Scene, &mut Content)) -> Result<Package> {
@@ -77,17 +78,6 @@ fn images_and_textures_are_checked() {
     });
     refused("image 1", |scene, _| scene.textures[0].image = 1);
     refused("sampler 1", |scene, _| scene.textures[0].sampler = 1);
-    refused("is no cube", |scene, _| {
-        scene.environment = Some(Environment {
-            sky: 0,
-            irradiance: 0,
-            prefiltered: 0,
-            source_width: 2,
-            source_height: 1,
-            replaced_texels: 0,
-            clamped_texels: 0,
-        });
-    });
     refused("BRDF table", |scene, _| scene.brdf_lut = Some(9));
 }
 
@@ -140,6 +130,34 @@ fn materials_and_draws_are_checked() {
     refused("floats do not fit", |_, content| {
         content.bounds.truncate(16)
     });
+}
+
+#[test]
+fn lights_and_lobes_are_checked() {
+    let light = PunctualLight::zeroed();
+    open(|_, content| content.punctual_lights = vec![light; 3]).expect("sound lights");
+    refused("light 1 is not finite", |_, content| {
+        content.punctual_lights = vec![light; 3];
+        content.punctual_lights[1].spot_offset = f32::NAN;
+    });
+    let lobes = MaterialExtension::default();
+    open(|_, content| content.material_extensions = vec![lobes]).expect("sound lobes");
+    refused("2 records, not 1", |_, content| {
+        content.material_extensions = vec![lobes; 2]
+    });
+    let refuse = |what: &str, change: fn(&mut MaterialExtension)| {
+        refused(what, |_, content| {
+            content.material_extensions = vec![lobes];
+            change(&mut content.material_extensions[0]);
+        });
+    };
+    refuse("texture reference", |lobes| lobes.clearcoat_normal_tex = 1);
+    refuse("texture reference", |lobes| {
+        lobes.sheen_roughness_tex = TEXTURE_UV1 | 1
+    });
+    refuse("lobes 0x8", |lobes| lobes.lobes = 8);
+    refuse("not finite", |lobes| lobes.sheen_color[2] = f32::INFINITY);
+    refuse("not finite", |lobes| lobes.dielectric_f0 = f32::NAN);
 }
 
 #[test]

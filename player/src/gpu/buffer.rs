@@ -53,6 +53,7 @@ pub struct Buffer {
     /// Taken when dropped.
     allocation: Option<Allocation>,
     size: u64,
+    addressable: bool,
 }
 
 impl Buffer {
@@ -77,6 +78,9 @@ impl Buffer {
                     raw,
                     allocation: Some(allocation),
                     size: desc.size,
+                    addressable: desc
+                        .usage
+                        .contains(vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS),
                 })
             }
             Err(error) => {
@@ -90,6 +94,17 @@ impl Buffer {
     /// Bytes.
     pub fn size(&self) -> u64 {
         self.size
+    }
+
+    /// Where shaders find it.
+    ///
+    /// # Panics
+    /// Where it was made without `SHADER_DEVICE_ADDRESS` (in debug builds).
+    pub fn device_address(&self) -> vk::DeviceAddress {
+        debug_assert!(self.addressable, "a buffer without an address");
+        let info = vk::BufferDeviceAddressInfo::default().buffer(self.raw);
+        // SAFETY: the buffer is alive and was made with an address.
+        unsafe { self.shared.device.get_buffer_device_address(&info) }
     }
 
     /// Writes records at a byte offset of mapped memory.

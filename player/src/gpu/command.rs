@@ -7,13 +7,14 @@ use ash::vk;
 use bytemuck::Pod;
 
 use super::buffer::Buffer;
-use super::descriptor::{DescriptorSet, Layouts, PUSH_CONSTANT_BYTES, PUSH_CONSTANT_STAGES};
+use super::descriptor::{DescriptorSet, Layouts, PUSH_CONSTANT_BYTES};
 use super::device::Shared;
 use super::error::{GpuError, GpuResult};
 use super::image::ImageRef;
 use super::pipeline::{ComputePipeline, GraphicsPipeline};
 use super::query::PassTimer;
 use super::queue::{Handshake, Submission};
+use super::raytracing::RayPipeline;
 
 /// Most colour attachments of a pass.
 pub const MAX_COLORS: usize = 8;
@@ -374,6 +375,33 @@ impl Commands {
         }
     }
 
+    /// Binds a ray-tracing pipeline.
+    pub fn bind_ray_tracing(&mut self, pipeline: &RayPipeline) {
+        self.bind(vk::PipelineBindPoint::RAY_TRACING_KHR, pipeline.raw());
+    }
+
+    /// Runs a ray generation shader for each pixel of `extent`.
+    pub fn trace_rays(&mut self, pipeline: &RayPipeline, extent: [u32; 2]) {
+        let [raygen, miss, hit] = pipeline.regions();
+        let none = vk::StridedDeviceAddressRegionKHR::default();
+        // SAFETY: the command buffer is recording, outside of rendering, with everything bound; the table is alive.
+        unsafe {
+            self.shared
+                .ray_tracing()
+                .pipelines
+                .cmd_trace_rays(self.raw, raygen, miss, hit, &none, extent[0], extent[1], 1);
+        }
+    }
+
+    /// Fills a buffer with zeros.
+    pub fn clear_buffer(&mut self, buffer: &Buffer) {
+        // SAFETY: the command buffer is recording outside of rendering; the buffer is alive.
+        unsafe {
+            let device = &self.shared.device;
+            device.cmd_fill_buffer(self.raw, buffer.raw, 0, vk::WHOLE_SIZE, 0);
+        }
+    }
+
     /// Sets the push constants of all stages, from offset 0.
     ///
     /// # Panics
@@ -386,7 +414,7 @@ impl Commands {
             self.shared.device.cmd_push_constants(
                 self.raw,
                 layouts.pipeline(),
-                PUSH_CONSTANT_STAGES,
+                layouts.stages(),
                 0,
                 bytes,
             );

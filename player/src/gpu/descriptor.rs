@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use ash::vk;
 
+use super::accel::TopLevel;
 use super::buffer::Buffer;
 use super::device::{Gpu, Shared};
 use super::error::{GpuError, GpuResult};
@@ -15,17 +16,32 @@ use super::queue::Garbage;
 pub(super) const SET_COUNT: usize = 4;
 /// Bytes of push constants: what every Vulkan device has.
 pub(super) const PUSH_CONSTANT_BYTES: u32 = 128;
-/// Stages that see them.
-pub(super) const PUSH_CONSTANT_STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
-    vk::ShaderStageFlags::VERTEX.as_raw()
-        | vk::ShaderStageFlags::FRAGMENT.as_raw()
-        | vk::ShaderStageFlags::COMPUTE.as_raw(),
-);
+/// Stages that see sets and push constants.
+fn stages(tracing: bool) -> vk::ShaderStageFlags {
+    let stages = vk::ShaderStageFlags::VERTEX
+        | vk::ShaderStageFlags::FRAGMENT
+        | vk::ShaderStageFlags::COMPUTE;
+    if tracing {
+        stages | vk::ShaderStageFlags::RAYGEN_KHR | vk::ShaderStageFlags::ANY_HIT_KHR
+    } else {
+        stages
+    }
+}
+
+/// What shapes the set layouts.
+#[derive(Clone, Copy)]
+struct Shape {
+    /// Lengths of the two arrays of set 1.
+    bindless: [u32; 2],
+    /// Whether the device traces rays.
+    tracing: bool,
+}
 
 /// The sets of every pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SetIndex {
-    /// b0 global uniform, b1 directional lights, b2 materials, b3 instances; where the package has them, b5 geometry
+    /// b0 global uniform, b1 directional lights, b2 materials, b3 instances; where the device traces rays, b4
+    /// the top-level acceleration structure; where the package has them, b5 geometry
     /// table, b6 environment table, b7 emissive triangles, b8 their table, b9 texture transforms, b10 vertex colours,
     /// b11 punctual lights, b12 material extensions.
     Frame = 0,
@@ -51,8 +67,7 @@ struct LayoutObjects {
     shared: Arc<Shared>,
     sets: [vk::DescriptorSetLayout; SET_COUNT],
     pipeline: vk::PipelineLayout,
-    /// Lengths of the two arrays of set 1.
-    bindless: [u32; 2],
+    shape: Shape,
 }
 
 /// A descriptor set with a pool of its own.
@@ -80,7 +95,7 @@ struct Binding {
 const OPTIONAL_BUFFERS: [u32; 8] = [5, 6, 7, 8, 9, 10, 11, 12];
 
 /// The bindings of a set, in ascending order.
-fn bindings(index: SetIndex, bindless: [u32; 2]) -> Vec<Binding> {
+fn bindings(index: SetIndex, shape: Shape) -> Vec<Binding> {
     let binding = |number, ty, length, partial| Binding {
         number,
         ty,
@@ -93,15 +108,18 @@ fn bindings(index: SetIndex, bindless: [u32; 2]) -> Vec<Binding> {
         SetIndex::Frame => {
             let uniform = binding(0, vk::DescriptorType::UNIFORM_BUFFER, 1, false);
             let always = (1..=3).map(|number| binding(number, storage, 1, false));
+            let structure = vk::DescriptorType::ACCELERATION_STRUCTURE_KHR;
+            let structure = shape.tracing.then(|| binding(4, structure, 1, true));
             let optional = OPTIONAL_BUFFERS.map(|number| binding(number, storage, 1, true));
             [uniform]
                 .into_iter()
                 .chain(always)
+                .chain(structure)
                 .chain(optional)
                 .collect()
         }
         SetIndex::Bindless => (0..)
-            .zip(bindless)
+            .zip(shape.bindless)
             .map(|(number, length)| binding(number, texture, length, true))
             .collect(),
         SetIndex::Targets => (0..=6)
@@ -124,20 +142,23 @@ impl Layouts {
     /// `Limit` where the device cannot bind as many.
     pub fn new(gpu: &Gpu, textures: u32, cubes: u32) -> GpuResult<Self> {
         let shared = &gpu.shared;
-        let bindless = [textures.max(1), cubes.max(1)];
-        check_limits(shared, bindless)?;
+        let shape = Shape {
+            bindless: [textures.max(1), cubes.max(1)],
+            tracing: gpu.traces_rays(),
+        };
+        check_limits(shared, shape)?;
         // Built in place, so that an error half way drops what exists.
         let mut objects = LayoutObjects {
             shared: shared.clone(),
             sets: [vk::DescriptorSetLayout::null(); SET_COUNT],
             pipeline: vk::PipelineLayout::null(),
-            bindless,
+            shape,
         };
         for index in SetIndex::ALL {
-            objects.sets[index as usize] = create_set_layout(shared, index, bindless)?;
+            objects.sets[index as usize] = create_set_layout(shared, index, shape)?;
         }
         let ranges = [vk::PushConstantRange {
-            stage_flags: PUSH_CONSTANT_STAGES,
+            stage_flags: stages(shape.tracing),
             offset: 0,
             size: PUSH_CONSTANT_BYTES,
         }];
@@ -150,6 +171,11 @@ impl Layouts {
         Ok(Self(Arc::new(objects)))
     }
 
+    /// Stages that see push constants.
+    pub(super) fn stages(&self) -> vk::ShaderStageFlags {
+        stages(self.0.shape.tracing)
+    }
+
     pub(super) fn pipeline(&self) -> vk::PipelineLayout {
         self.0.pipeline
     }
@@ -157,7 +183,7 @@ impl Layouts {
     /// Makes a set; its bindings are empty.
     pub fn allocate(&self, index: SetIndex, name: &str) -> GpuResult<DescriptorSet> {
         let shared = &self.0.shared;
-        let sizes: Vec<vk::DescriptorPoolSize> = bindings(index, self.0.bindless)
+        let sizes: Vec<vk::DescriptorPoolSize> = bindings(index, self.0.shape)
             .iter()
             .map(|binding| vk::DescriptorPoolSize {
                 ty: binding.ty,
@@ -256,6 +282,16 @@ impl DescriptorSet {
         unsafe { self.shared.device.update_descriptor_sets(&[write], &[]) };
     }
 
+    /// Binds the top-level acceleration structure.
+    pub fn write_structure(&mut self, binding: u32, structure: &TopLevel) {
+        let structures = [structure.raw()];
+        let mut info = vk::WriteDescriptorSetAccelerationStructureKHR::default()
+            .acceleration_structures(&structures);
+        let write = self.write(binding, 0).push_next(&mut info);
+        // SAFETY: `&mut self` and the caller's care keep the set out of use; the structure is alive.
+        unsafe { self.shared.device.update_descriptor_sets(&[write], &[]) };
+    }
+
     /// Binds an image in `GENERAL` that shaders load from and store to.
     pub fn write_storage_image(&mut self, binding: u32, image: ImageRef<'_>) {
         let infos = [vk::DescriptorImageInfo {
@@ -271,12 +307,12 @@ impl DescriptorSet {
     /// # Panics
     /// Where the set has no such binding.
     fn binding(&self, number: u32) -> Binding {
-        let bindings = bindings(self.index, self.layouts.0.bindless);
+        let bindings = bindings(self.index, self.layouts.0.shape);
         let found = bindings.iter().find(|binding| binding.number == number);
         *found.unwrap_or_else(|| panic!("{:?} has no binding {number}", self.index))
     }
 
-    fn write(&self, binding: u32, element: u32) -> vk::WriteDescriptorSet<'static> {
+    fn write<'a>(&self, binding: u32, element: u32) -> vk::WriteDescriptorSet<'a> {
         vk::WriteDescriptorSet::default()
             .dst_set(self.raw)
             .dst_binding(binding)
@@ -292,12 +328,12 @@ impl Drop for DescriptorSet {
     }
 }
 
-fn check_limits(shared: &Shared, bindless: [u32; 2]) -> GpuResult<()> {
+fn check_limits(shared: &Shared, shape: Shape) -> GpuResult<()> {
     let limits = &shared.limits;
-    let fixed = |index| bindings(index, bindless).len() as u64;
+    let fixed = |index| bindings(index, shape).len() as u64;
     let buffers = fixed(SetIndex::Frame);
-    let needed = u64::from(bindless[0])
-        + u64::from(bindless[1])
+    let needed = u64::from(shape.bindless[0])
+        + u64::from(shape.bindless[1])
         + buffers
         + fixed(SetIndex::Targets)
         + fixed(SetIndex::Pass);
@@ -331,20 +367,20 @@ fn check_limits(shared: &Shared, bindless: [u32; 2]) -> GpuResult<()> {
 fn create_set_layout(
     shared: &Shared,
     index: SetIndex,
-    bindless: [u32; 2],
+    shape: Shape,
 ) -> GpuResult<vk::DescriptorSetLayout> {
     let info = |binding: &Binding| {
         vk::DescriptorSetLayoutBinding::default()
             .binding(binding.number)
             .descriptor_type(binding.ty)
             .descriptor_count(binding.length)
-            .stage_flags(PUSH_CONSTANT_STAGES)
+            .stage_flags(stages(shape.tracing))
     };
     let flag = |binding: &Binding| match binding.partial {
         true => vk::DescriptorBindingFlags::PARTIALLY_BOUND,
         false => vk::DescriptorBindingFlags::empty(),
     };
-    let bindings = bindings(index, bindless);
+    let bindings = bindings(index, shape);
     let infos: Vec<_> = bindings.iter().map(info).collect();
     let flags: Vec<_> = bindings.iter().map(flag).collect();
     let mut flags = vk::DescriptorSetLayoutBindingFlagsCreateInfo::default().binding_flags(&flags);

@@ -13,6 +13,7 @@ use super::frame_sync::CommandMemory;
 use super::image::attachment_samples;
 use super::instance::Instance;
 use super::queue::{Submission, Timeline};
+use super::raytracing::{self, RayTracing};
 use super::select::{Candidate, Presents, select};
 
 /// What to create.
@@ -45,6 +46,7 @@ pub(super) struct Shared {
     pub(super) timestamp_bits: u32,
     pub(super) name: String,
     pub(super) driver: String,
+    ray_tracing: Option<RayTracing>,
     debug: Option<ash::ext::debug_utils::Device>,
     allocator: ManuallyDrop<Mutex<Allocator>>,
     timeline: Mutex<Timeline>,
@@ -81,6 +83,11 @@ impl Gpu {
     /// Name and version of the driver.
     pub fn driver(&self) -> &str {
         &self.shared.driver
+    }
+
+    /// Whether the device traces rays: acceleration structures, ray-tracing pipelines, buffer addresses.
+    pub fn traces_rays(&self) -> bool {
+        self.shared.ray_tracing.is_some()
     }
 
     /// Limits of the device.
@@ -181,6 +188,9 @@ impl Shared {
             pipeline_cache: objects.pipeline_cache,
             limits: candidate.properties.limits,
             anisotropy: candidate.anisotropy,
+            ray_tracing: candidate
+                .ray_tracing
+                .then(|| RayTracing::new(&instance.raw, candidate.raw, &device)),
             timestamp_bits: candidate.timestamp_bits,
             name: candidate.name,
             driver: candidate.driver,
@@ -190,6 +200,17 @@ impl Shared {
             device,
             instance,
         })
+    }
+
+    /// Functions and limits of ray tracing.
+    ///
+    /// # Panics
+    /// Where the device cannot trace rays: callers ask [`Gpu::traces_rays`] first.
+    pub(super) fn ray_tracing(&self) -> &RayTracing {
+        match &self.ray_tracing {
+            Some(tracing) => tracing,
+            None => panic!("{} cannot trace rays", self.name),
+        }
     }
 
     /// Locks the timeline, and with it the queue.
@@ -271,7 +292,7 @@ impl DeviceObjects {
             device: device.clone(),
             physical_device: candidate.raw,
             debug_settings: AllocatorDebugSettings::default(),
-            buffer_device_address: false,
+            buffer_device_address: candidate.ray_tracing,
             allocation_sizes: AllocationSizes::default(),
         })
         .map_err(|error| GpuError::allocation("the allocator", 0, &error))?;
@@ -308,13 +329,21 @@ fn create_device(
         .queue_family_index(candidate.queue_family)
         .queue_priorities(&priorities)];
     let swapchain = [ash::khr::swapchain::NAME.as_ptr()];
-    let extensions = &swapchain[..usize::from(presents)];
+    let mut extensions = swapchain[..usize::from(presents)].to_vec();
+    if candidate.ray_tracing {
+        extensions.extend(raytracing::EXTENSIONS.map(std::ffi::CStr::as_ptr));
+    }
+    let mut structures =
+        vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(true);
+    let mut pipelines =
+        vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default().ray_tracing_pipeline(true);
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default()
         .runtime_descriptor_array(true)
         .descriptor_binding_partially_bound(true)
         .shader_sampled_image_array_non_uniform_indexing(true)
         .scalar_block_layout(true)
-        .timeline_semaphore(true);
+        .timeline_semaphore(true)
+        .buffer_device_address(candidate.ray_tracing);
     let mut v13 = vk::PhysicalDeviceVulkan13Features::default()
         .dynamic_rendering(true)
         .synchronization2(true)
@@ -327,13 +356,17 @@ fn create_device(
         .depth_bias_clamp(true)
         .shader_storage_image_extended_formats(true)
         .shader_sampled_image_array_dynamic_indexing(true)
+        .shader_int64(candidate.ray_tracing)
         .sampler_anisotropy(candidate.anisotropy);
-    let info = vk::DeviceCreateInfo::default()
+    let mut info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
-        .enabled_extension_names(extensions)
+        .enabled_extension_names(&extensions)
         .enabled_features(&v10)
         .push_next(&mut v12)
         .push_next(&mut v13);
+    if candidate.ray_tracing {
+        info = info.push_next(&mut structures).push_next(&mut pipelines);
+    }
     // SAFETY: the candidate was found to have the queue, the extension and all features; `info` outlives the call.
     unsafe { instance.raw.create_device(candidate.raw, &info, None) }
         .map_err(GpuError::of("vkCreateDevice"))

@@ -81,6 +81,11 @@ impl ImageRef<'_> {
         self.format
     }
 
+    /// The view, to tell images apart.
+    pub fn raw_view(&self) -> vk::ImageView {
+        self.view
+    }
+
     /// Width and height of level 0.
     pub fn extent(&self) -> [u32; 2] {
         self.extent

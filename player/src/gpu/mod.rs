@@ -3,6 +3,7 @@
 //! Objects are destroyed late: a dropped object waits until the submissions that may use it have finished.
 #![allow(unsafe_code)]
 
+pub mod accel;
 pub mod buffer;
 pub mod command;
 pub mod descriptor;
@@ -14,6 +15,7 @@ mod instance;
 pub mod pipeline;
 mod query;
 mod queue;
+pub mod raytracing;
 mod select;
 pub mod staging;
 #[cfg(feature = "window")]
@@ -23,6 +25,7 @@ pub(crate) mod test_support;
 #[cfg(test)]
 mod tests;
 
+pub use accel::{BuildStats, TopLevel, TraceGeometry, TraceInstance};
 pub use ash::vk;
 pub use buffer::{Buffer, BufferDesc, Memory};
 pub use command::{
@@ -39,4 +42,5 @@ pub use pipeline::{
 };
 pub use query::PassTime;
 pub use queue::Submission;
+pub use raytracing::{RayPipeline, RayPipelineDesc};
 pub use staging::{UploadStats, Uploader};

@@ -42,6 +42,8 @@ pub enum Blend {
     Alpha,
     /// `source + target * (1 - alpha)`.
     Premultiplied,
+    /// `source + target`.
+    Add,
 }
 
 /// A colour target of a pipeline.
@@ -105,13 +107,13 @@ impl Drop for Pipeline {
 }
 
 /// A shader module that lives while a pipeline is built.
-struct Module<'a> {
+pub(super) struct Module<'a> {
     shared: &'a Shared,
     raw: vk::ShaderModule,
 }
 
 impl<'a> Module<'a> {
-    fn new(shared: &'a Shared, spirv: &[u32]) -> GpuResult<Self> {
+    pub(super) fn new(shared: &'a Shared, spirv: &[u32]) -> GpuResult<Self> {
         let info = vk::ShaderModuleCreateInfo::default().code(spirv);
         // SAFETY: the device is alive; the words are those that the shader compiler wrote.
         let raw = unsafe { shared.device.create_shader_module(&info, None) }
@@ -119,7 +121,7 @@ impl<'a> Module<'a> {
         Ok(Self { shared, raw })
     }
 
-    fn stage<'s>(
+    pub(super) fn stage<'s>(
         &self,
         stage: vk::ShaderStageFlags,
         constants: &'s vk::SpecializationInfo<'s>,
@@ -140,13 +142,13 @@ impl Drop for Module<'_> {
 }
 
 /// Specialisation constants in Vulkan's form.
-struct Constants {
+pub(super) struct Constants {
     entries: Vec<vk::SpecializationMapEntry>,
     values: Vec<u8>,
 }
 
 impl Constants {
-    fn new(constants: &[(u32, u32)]) -> Self {
+    pub(super) fn new(constants: &[(u32, u32)]) -> Self {
         let entry = |(index, (id, _)): (u32, &(u32, u32))| vk::SpecializationMapEntry {
             constant_id: *id,
             offset: index * 4,
@@ -161,7 +163,7 @@ impl Constants {
         }
     }
 
-    fn info(&self) -> vk::SpecializationInfo<'_> {
+    pub(super) fn info(&self) -> vk::SpecializationInfo<'_> {
         vk::SpecializationInfo::default()
             .map_entries(&self.entries)
             .data(&self.values)
@@ -362,12 +364,16 @@ fn depth_state(depth: Option<DepthState>) -> vk::PipelineDepthStencilStateCreate
 fn blend_state(blend: Blend) -> vk::PipelineColorBlendAttachmentState {
     let source = match blend {
         Blend::Alpha => vk::BlendFactor::SRC_ALPHA,
-        Blend::None | Blend::Premultiplied => vk::BlendFactor::ONE,
+        Blend::None | Blend::Premultiplied | Blend::Add => vk::BlendFactor::ONE,
+    };
+    let target = match blend {
+        Blend::Add => vk::BlendFactor::ONE,
+        _ => vk::BlendFactor::ONE_MINUS_SRC_ALPHA,
     };
     vk::PipelineColorBlendAttachmentState::default()
         .blend_enable(blend != Blend::None)
         .src_color_blend_factor(source)
-        .dst_color_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
+        .dst_color_blend_factor(target)
         .color_blend_op(vk::BlendOp::ADD)
         .src_alpha_blend_factor(vk::BlendFactor::ONE)
         .dst_alpha_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)

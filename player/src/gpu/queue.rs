@@ -19,6 +19,7 @@ pub(super) enum Garbage {
     Sampler(vk::Sampler),
     DescriptorPool(vk::DescriptorPool),
     Layouts(vk::PipelineLayout, [vk::DescriptorSetLayout; SET_COUNT]),
+    Structure(vk::AccelerationStructureKHR),
     Pipeline(vk::Pipeline),
     CommandPool(vk::CommandPool),
     QueryPool(vk::QueryPool),
@@ -60,7 +61,8 @@ impl Timeline {
             .garbage
             .iter()
             .position(|(after, _)| *after <= completed)?;
-        Some(self.garbage.swap_remove(index).1)
+        // In order: what lies in a buffer goes before the buffer.
+        Some(self.garbage.remove(index).1)
     }
 }
 
@@ -199,6 +201,10 @@ impl Shared {
                         device.destroy_descriptor_set_layout(set, None);
                     }
                 }
+                Garbage::Structure(structure) => self
+                    .ray_tracing()
+                    .structures
+                    .destroy_acceleration_structure(structure, None),
                 Garbage::Pipeline(pipeline) => device.destroy_pipeline(pipeline, None),
                 Garbage::CommandPool(pool) => device.destroy_command_pool(pool, None),
                 Garbage::QueryPool(pool) => device.destroy_query_pool(pool, None),

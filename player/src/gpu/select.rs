@@ -17,6 +17,8 @@ pub(super) struct Candidate {
     pub(super) queue_family: u32,
     pub(super) timestamp_bits: u32,
     pub(super) anisotropy: bool,
+    /// Whether it can trace rays by pipelines.
+    pub(super) ray_tracing: bool,
     pub(super) properties: vk::PhysicalDeviceProperties,
     /// What it lacks; empty where it is usable.
     pub(super) lacks: Vec<String>,
@@ -105,6 +107,7 @@ fn examine(
         queue_family: 0,
         timestamp_bits: 0,
         anisotropy: false,
+        ray_tracing: false,
         properties,
         lacks: Vec::new(),
     };
@@ -154,6 +157,9 @@ fn examine_features(instance: &Instance, candidate: &mut Candidate) {
             .get_physical_device_features2(candidate.raw, &mut features);
     }
     let v10 = features.features;
+    candidate.ray_tracing = v10.shader_int64 == vk::TRUE
+        && v12.buffer_device_address == vk::TRUE
+        && traces_rays(instance, candidate.raw);
     // Software drivers spend most of a frame on anisotropic lookups, and lavapipe (Mesa 25.0) returns NaN from
     // them where the coordinates do not change at all, as on palette textures.
     let in_hardware = candidate.kind != vk::PhysicalDeviceType::CPU;
@@ -197,6 +203,29 @@ fn examine_features(instance: &Instance, candidate: &mut Candidate) {
     candidate
         .lacks
         .extend(missing.map(|(_, name)| (*name).to_owned()));
+}
+
+/// Whether the ray-tracing extensions are there, and their features on.
+fn traces_rays(instance: &Instance, device: vk::PhysicalDevice) -> bool {
+    let extensions = super::raytracing::EXTENSIONS;
+    if !extensions
+        .iter()
+        .all(|name| has_extension(instance, device, name))
+    {
+        return false;
+    }
+    let mut structures = vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default();
+    let mut pipelines = vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default();
+    let mut features = vk::PhysicalDeviceFeatures2::default()
+        .push_next(&mut structures)
+        .push_next(&mut pipelines);
+    // SAFETY: the device was enumerated and has both extensions, so it knows their structures.
+    unsafe {
+        instance
+            .raw
+            .get_physical_device_features2(device, &mut features);
+    }
+    structures.acceleration_structure == vk::TRUE && pipelines.ray_tracing_pipeline == vk::TRUE
 }
 
 fn examine_queues(instance: &Instance, candidate: &mut Candidate, presents: Option<Presents<'_>>) {
@@ -246,6 +275,7 @@ mod tests {
             timestamp_bits: 0,
             driver: String::new(),
             anisotropy: false,
+            ray_tracing: false,
             properties: vk::PhysicalDeviceProperties::default(),
             lacks: lacks.iter().map(|text| (*text).to_owned()).collect(),
         }

@@ -53,6 +53,16 @@ pub struct Variant {
     pub vertex_colors: bool,
     /// Textures have transforms.
     pub texture_transforms: bool,
+    /// Some material has a clear coat.
+    pub clearcoat: bool,
+    /// The reflection of some dielectric is not glTF's default.
+    pub specular: bool,
+    /// Some material has sheen.
+    pub sheen: bool,
+    /// Point and spot lights that shine.
+    pub punctual_lights: u32,
+    /// A debug view is drawn.
+    pub debug_view: bool,
 }
 
 /// The passes of a plan; what it does not need is absent.
@@ -85,7 +95,7 @@ impl Passes {
             .then(|| resolve_surface::new(gpu, layouts, graph, targets, plan));
         let skybox = plan
             .skybox
-            .then(|| skybox::Skybox::new(gpu, layouts, plan.samples));
+            .then(|| skybox::Skybox::new(gpu, layouts, graph, targets, plan));
         let blended = plan.variant.blended;
         let transparent = blended.then(|| transparent::Transparent::new(gpu, layouts, plan));
         let resolve_color =
@@ -111,6 +121,9 @@ impl Passes {
                 resolve_surface::write(set, parity, graph, targets);
             })?;
         }
+        if let Some(pass) = &mut self.skybox {
+            pass.rebind(layouts, graph, targets)?;
+        }
         if let Some(pass) = &mut self.resolve_color {
             pass.rebind(layouts, |set, parity| {
                 resolve_color::write(set, parity, graph, targets);
@@ -130,7 +143,7 @@ enum Alpha {
 
 impl Variant {
     /// Specialisation constants of `forward.vert` and `forward.frag`: see `options.glsl`.
-    fn constants(&self, alpha: Alpha) -> [(u32, u32); 8] {
+    fn constants(&self, alpha: Alpha) -> [(u32, u32); 13] {
         let values = [
             alpha == Alpha::Cut,
             alpha == Alpha::Blended,
@@ -140,8 +153,14 @@ impl Variant {
             self.brdf == Brdf::Energy,
             self.vertex_colors,
             self.texture_transforms,
-        ];
-        std::array::from_fn(|id| (id as u32, u32::from(values[id])))
+            self.clearcoat,
+            self.specular,
+            self.sheen,
+        ]
+        .map(u32::from);
+        let counts = [self.punctual_lights, u32::from(self.debug_view)];
+        let mut values = values.into_iter().chain(counts);
+        std::array::from_fn(|id| (id as u32, values.next().unwrap_or_default()))
     }
 }
 
@@ -159,6 +178,7 @@ fn surface_pipeline(
         Alpha::Cut => ("forward masked", Blend::None),
         Alpha::Blended => ("transparent", Blend::Alpha),
     };
+    let blend = if plan.overdraw { Blend::Add } else { blend };
     let depth = match alpha {
         Alpha::Blended => depth_state(vk::CompareOp::GREATER, false),
         _ if plan.prepass => depth_state(vk::CompareOp::EQUAL, false),

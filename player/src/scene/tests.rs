@@ -178,6 +178,10 @@ fn every_part_of_a_package_gets_its_slot() {
         sky: cube(&mut parts, 16),
         irradiance: cube(&mut parts, 4),
         prefiltered: cube(&mut parts, 8),
+        prefiltered_roughness: (0..4).map(|level| level as f32 / 3.0).collect(),
+        scale: 2.0,
+        sun: None,
+        irradiance_sh: [[0.0; 3]; 9],
         source_width: 64,
         source_height: 32,
         replaced_texels: 0,
@@ -192,6 +196,7 @@ fn every_part_of_a_package_gets_its_slot() {
         irradiance: 1,
         prefiltered: 2,
         prefiltered_levels: 4,
+        scale: 2.0,
     };
     assert_eq!(scene.environment, Some(slots));
     assert_eq!(

@@ -115,6 +115,7 @@ pub(super) fn environment_slots(package: &Package) -> Option<EnvironmentSlots> {
         irradiance: 1,
         prefiltered: 2,
         prefiltered_levels: prefiltered.levels.len() as u32,
+        scale: environment.scale.to_native(),
     })
 }
 

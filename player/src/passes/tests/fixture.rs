@@ -3,7 +3,7 @@
 use bytemuck::Zeroable;
 use cairn_format::gpu::{
     DRAW_DOUBLE_SIDED, DRAW_MIRRORED, DirectionalLight, DrawGroup, Instance, MATERIAL_DOUBLE_SIDED,
-    MATERIAL_UNLIT, Material, TextureTransform, VertexColor,
+    MATERIAL_UNLIT, Material, MaterialExtension, PunctualLight, TextureTransform, VertexColor,
 };
 use cairn_format::scene::{
     Bounds, Environment, Image, ImageRole, Level, MaterialInfo, Mesh, MipFilter, Primitive,
@@ -55,6 +55,9 @@ pub struct Fixture {
     /// One per texture, or none.
     pub transforms: Vec<TextureTransform>,
     pub lights: Vec<DirectionalLight>,
+    pub punctual: Vec<PunctualLight>,
+    /// One per material, or none.
+    pub lobes: Vec<MaterialExtension>,
     /// Radiance of each face; all cubes hold it.
     pub environment: Option<[[f32; 3]; 6]>,
     /// Radiance of each level of a prefiltered cube of its own, largest level first.
@@ -175,6 +178,8 @@ impl Fixture {
         writer.bytes(SectionKind::Texels, arenas.texels.as_slice());
         writer.records(SectionKind::TextureTransforms, &self.transforms);
         writer.records(SectionKind::VertexColors, &arenas.colors);
+        writer.records(SectionKind::PunctualLights, &self.punctual);
+        writer.records(SectionKind::MaterialExtensions, &self.lobes);
         let bytes = writer.to_vec(&scene, "test").expect("fixture is written");
         let package = Package::from_bytes(&bytes).expect("fixture opens");
         package.verify().expect("fixture is sound");
@@ -247,7 +252,7 @@ impl Fixture {
         if self.lut {
             let bytes: Vec<u8> = twin::table_texels(LUT_SIZE)
                 .iter()
-                .flat_map(|texel| halves([texel[0], texel[1], texel[2], 0.0]))
+                .flat_map(|texel| halves(*texel))
                 .collect();
             let extent = [LUT_SIZE, LUT_SIZE, 1];
             let format = TextureFormat::Rgba16Float;
@@ -264,10 +269,17 @@ impl Fixture {
             } else {
                 add_chain(scene, texels, &self.prefiltered)
             };
+            let levels = scene.images[prefiltered as usize].levels.len();
             scene.environment = Some(Environment {
                 sky: cube,
                 irradiance: cube,
                 prefiltered,
+                prefiltered_roughness: (0..levels)
+                    .map(|level| level as f32 / (levels - 1).max(1) as f32)
+                    .collect(),
+                scale: 1.0,
+                sun: None,
+                irradiance_sh: [[0.0; 3]; 9],
                 source_width: 2,
                 source_height: 1,
                 replaced_texels: 0,

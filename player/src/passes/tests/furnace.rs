@@ -1,6 +1,6 @@
 //! White furnace: in light that is the same from everywhere, a white object cannot be seen.
 
-use cairn_format::gpu::Material;
+use cairn_format::gpu::{LOBE_CLEARCOAT, LOBE_SHEEN, Material, MaterialExtension};
 use glam::{Mat4, Vec3};
 
 use super::fixture::{Fixture, light, quad, sphere};
@@ -8,17 +8,18 @@ use super::{assert_near, device, middle, plain, shoot, texel, towards_origin};
 use crate::settings::{Brdf, Settings};
 
 const ROUGHNESSES: [f32; 5] = [0.0, 0.2, 0.5, 0.8, 1.0];
+const METALLICS: [f32; 3] = [0.0, 0.5, 1.0];
 
-/// A row of white spheres of rising roughness, metals above dielectrics.
+/// Rows of white spheres of rising roughness; more metallic ones above.
 fn spheres() -> Fixture {
     let mut fixture = Fixture {
         lut: true,
         environment: Some([[1.0; 3]; 6]),
         ..Fixture::default()
     };
-    for metallic in [0.0, 1.0] {
+    for metallic in METALLICS {
         for (column, roughness) in ROUGHNESSES.iter().enumerate() {
-            let center = Vec3::new(column as f32 - 2.0, metallic - 0.5, 0.0);
+            let center = Vec3::new(column as f32 - 2.0, metallic * 2.0 - 1.0, 0.0);
             let model = Mat4::from_translation(center) * Mat4::from_scale(Vec3::splat(0.45));
             let material = fixture.materials.len() as u32;
             fixture.objects.push(sphere(material, vec![model]));
@@ -37,12 +38,43 @@ fn energy_mode_closes_for_white_metals_and_dielectrics() {
     let Some(gpu) = device() else { return };
     let camera = towards_origin(Vec3::new(0.0, 0.0, 3.0));
     let image = shoot(&gpu, &spheres(), [160, 80], camera, plain());
-    assert_eq!(image.draws.draws, 10);
+    assert_eq!(image.draws.draws, 15);
     for texel in image.hdr.iter().flatten() {
         let worst = texel[..3]
             .iter()
             .fold(0.0_f32, |m, c| m.max((c - 1.0).abs()));
         assert!(worst <= 0.01, "{texel:?} in a furnace of 1");
+    }
+}
+
+/// White sheen and coats take from what lies beneath exactly what they reflect.
+#[test]
+fn energy_mode_closes_under_sheen_and_coats() {
+    let Some(gpu) = device() else { return };
+    let camera = towards_origin(Vec3::new(0.0, 0.0, 3.0));
+    for (coat, sheen) in [(1.0, 0.0), (0.5, 1.0), (0.0, 0.7)] {
+        let mut fixture = spheres();
+        let materials = fixture.materials.iter();
+        fixture.lobes = materials
+            .map(|material| MaterialExtension {
+                clearcoat_factor: coat,
+                clearcoat_roughness: 1.0 - material.roughness_factor,
+                sheen_color: [sheen; 3],
+                sheen_roughness: material.roughness_factor,
+                lobes: LOBE_CLEARCOAT | LOBE_SHEEN,
+                ..MaterialExtension::default()
+            })
+            .collect();
+        let image = shoot(&gpu, &fixture, [160, 80], camera, plain());
+        for texel in image.hdr.iter().flatten() {
+            let worst = texel[..3]
+                .iter()
+                .fold(0.0_f32, |m, c| m.max((c - 1.0).abs()));
+            assert!(
+                worst <= 0.01,
+                "{texel:?} under a coat of {coat}, sheen of {sheen}"
+            );
+        }
     }
 }
 
@@ -58,7 +90,7 @@ fn gltf_core_loses_what_single_scattering_loses() {
         let image = shoot(&gpu, &fixture, [161, 81], camera, settings.clone());
         // The middle of the roughest metal, where N.V is about 0.9.
         let x = 80.5 + 2.0 / 3.0 / (0.5_f32).tan() * 40.5;
-        let y = 40.5 - 0.5 / 3.0 / (0.5_f32).tan() * 40.5;
+        let y = 40.5 - 1.0 / 3.0 / (0.5_f32).tan() * 40.5;
         let [red, ..] = texel(&image, x as u32, y as u32);
         let [a, b, _] = super::twin::table(0.9, 1.0);
         let found = f64::from(red) / radiance;

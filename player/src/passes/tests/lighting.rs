@@ -1,10 +1,10 @@
 //! Directional light on flat surfaces against the f64 twin, pixel by pixel.
 
-use cairn_format::gpu::Material;
+use cairn_format::gpu::{LOBE_CLEARCOAT, LOBE_SHEEN, LOBE_SPECULAR, Material, MaterialExtension};
 use glam::{DMat3, DVec3, Mat4, Quat, Vec3};
 
 use super::fixture::{Fixture, light, quad};
-use super::twin::Shading;
+use super::twin::{Lobes, Shading};
 use super::{device, plain, shoot, texel, towards_origin};
 use crate::camera::{Camera, Projection};
 use crate::settings::{Brdf, Settings};
@@ -36,10 +36,36 @@ fn compare(material: Material, tilt: Quat, brdf: Brdf, tolerance: f64) {
 
 /// Compares every pixel of an image that spans `yfov` radians.
 fn compare_within(yfov: f32, material: Material, tilt: Quat, brdf: Brdf, tolerance: f64) {
+    let lobes = MaterialExtension::default();
+    compare_lobes(yfov, material, lobes, tilt, brdf, tolerance);
+}
+
+fn twin_lobes(lobes: &MaterialExtension) -> Lobes {
+    let vector = |v: [f32; 3]| DVec3::from(v.map(f64::from));
+    let f0 = vector(lobes.specular_color) * f64::from(lobes.dielectric_f0);
+    Lobes {
+        dielectric_f0: f0.min(DVec3::ONE) * f64::from(lobes.specular_factor),
+        specular: f64::from(lobes.specular_factor),
+        sheen: vector(lobes.sheen_color),
+        sheen_roughness: f64::from(lobes.sheen_roughness),
+        coat: f64::from(lobes.clearcoat_factor),
+        coat_roughness: f64::from(lobes.clearcoat_roughness),
+    }
+}
+
+fn compare_lobes(
+    yfov: f32,
+    material: Material,
+    lobes: MaterialExtension,
+    tilt: Quat,
+    brdf: Brdf,
+    tolerance: f64,
+) {
     let Some(gpu) = device() else { return };
     let fixture = Fixture {
         objects: vec![quad(0, vec![Mat4::from_quat(tilt)])],
         materials: vec![material],
+        lobes: vec![lobes],
         lights: vec![light(TRAVEL, COLOR, INTENSITY)],
         lut: true,
         ..Fixture::default()
@@ -68,6 +94,7 @@ fn compare_within(yfov: f32, material: Material, tilt: Quat, brdf: Brdf, toleran
             base: DVec3::new(base[0], base[1], base[2]),
             metallic: f64::from(material.metallic_factor),
             roughness: f64::from(material.roughness_factor),
+            lobes: twin_lobes(&lobes),
         };
         let irradiance = DVec3::from(COLOR.map(f64::from)) * f64::from(INTENSITY);
         let expected = shading.reflected(brdf == Brdf::Energy) * irradiance;
@@ -111,6 +138,66 @@ fn energy_equals_the_twin_within_the_tables_error() {
     for (metallic, roughness) in [(0.0, 0.515_625), (1.0, 0.765_625)] {
         let tilt = Quat::from_rotation_x(0.4);
         compare(material(metallic, roughness), tilt, Brdf::Energy, 0.02);
+    }
+}
+
+#[test]
+fn partly_metallic_surfaces_mix_two_brdfs() {
+    let tilt = Quat::from_rotation_x(0.4);
+    for brdf in [Brdf::GltfCore, Brdf::Energy] {
+        compare(material(0.5, 0.515_625), tilt, brdf, 0.02);
+    }
+}
+
+/// At table centres, so that what is compared is the shader and not the interpolation.
+const CENTER: f32 = 0.515_625;
+
+#[test]
+fn coats_equal_the_twin() {
+    let lobes = MaterialExtension {
+        clearcoat_factor: 0.8,
+        clearcoat_roughness: CENTER,
+        lobes: LOBE_CLEARCOAT,
+        ..MaterialExtension::default()
+    };
+    for brdf in [Brdf::GltfCore, Brdf::Energy] {
+        let tilt = Quat::from_rotation_x(0.4);
+        compare_lobes(1.0, material(0.0, CENTER), lobes, tilt, brdf, 0.02);
+    }
+}
+
+#[test]
+fn dielectrics_of_other_indices_equal_the_twin() {
+    let lobes = MaterialExtension {
+        specular_factor: 0.7,
+        specular_color: [1.0, 0.5, 2.0],
+        dielectric_f0: 0.3,
+        lobes: LOBE_SPECULAR,
+        ..MaterialExtension::default()
+    };
+    for (metallic, brdf) in [
+        (0.0, Brdf::GltfCore),
+        (0.0, Brdf::Energy),
+        (0.5, Brdf::Energy),
+    ] {
+        let tilt = Quat::from_rotation_y(-0.7);
+        compare_lobes(1.0, material(metallic, CENTER), lobes, tilt, brdf, 0.02);
+    }
+}
+
+#[test]
+fn sheen_equals_the_twin() {
+    for (roughness, brdf) in [(CENTER, Brdf::GltfCore), (0.765_625, Brdf::Energy)] {
+        let lobes = MaterialExtension {
+            sheen_color: [0.9, 0.5, 0.2],
+            sheen_roughness: roughness,
+            clearcoat_factor: 0.5,
+            clearcoat_roughness: CENTER,
+            lobes: LOBE_SHEEN | LOBE_CLEARCOAT,
+            ..MaterialExtension::default()
+        };
+        let tilt = Quat::from_rotation_x(0.9);
+        compare_lobes(1.0, material(0.0, CENTER), lobes, tilt, brdf, 0.02);
     }
 }
 

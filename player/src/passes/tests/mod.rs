@@ -1,17 +1,21 @@
 //! Renders packages of a few triangles and compares pixels with what theory says.
 
+mod corners;
 mod fixture;
 mod furnace;
 mod lighting;
 mod output;
 mod prepass;
+mod punctual;
 mod renderer;
 mod sky;
 mod surfaces;
 mod texture_transforms;
+mod tonemap;
 mod twin;
 mod variants;
 mod vertex_colors;
+mod views;
 
 use glam::Vec3;
 

@@ -97,7 +97,7 @@ fn debug_views_pass_exposure_by() {
         .iter()
         .all(|channel| (f64::from(*channel) - half).abs() <= 1.0);
     assert!(near && found[2..] == [255, 255], "normal +Z is {found:?}");
-    for view in [8, 9, 10, 1000] {
+    for view in [13, 1000] {
         assert_eq!(
             pixel(&card([1.0; 3]), settings(view)),
             Some([255, 0, 255, 255])
