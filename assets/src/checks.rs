@@ -10,10 +10,11 @@ use serde_json::Value;
 
 use crate::{OutputFile, generate, write_all};
 
-const SCENES: [&str; 4] = [
+const SCENES: [&str; 5] = [
     "hall/hall.gltf",
     "materials/materials.gltf",
     "lights/lights.gltf",
+    "lobes/lobes.gltf",
     "box/box.gltf",
 ];
 const SIZE_BUDGET: usize = 3_000_000;

@@ -82,6 +82,13 @@ impl Stream {
     ];
 }
 
+/// Half-angles of a spot light in radians.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cone {
+    pub inner: f32,
+    pub outer: f32,
+}
+
 /// Collects a scene, then writes it.
 #[derive(Debug, Default)]
 pub struct Builder {
@@ -161,7 +168,14 @@ impl Builder {
     pub fn material(&mut self, name: &str, mut fields: Value) -> Material {
         fields["name"] = json!(name);
         if let Some(extensions) = fields.get("extensions").and_then(Value::as_object) {
-            let known = ["KHR_materials_emissive_strength", "KHR_materials_unlit"];
+            let known = [
+                "KHR_materials_clearcoat",
+                "KHR_materials_emissive_strength",
+                "KHR_materials_ior",
+                "KHR_materials_sheen",
+                "KHR_materials_specular",
+                "KHR_materials_unlit",
+            ];
             for name in known {
                 if extensions.contains_key(name) {
                     self.use_extension(name);
@@ -242,6 +256,32 @@ impl Builder {
         self.use_extension("KHR_lights_punctual");
         self.lights.push(json!({"name": name, "type": "directional",
             "color": numbers(&color), "intensity": number(lux)}));
+        let light = json!({"KHR_lights_punctual": {"light": self.lights.len() - 1}});
+        self.node(name, at, ("extensions", light));
+    }
+
+    /// A point light of `candela`, or a spot light where it has a cone; a range of 0 is unlimited.
+    pub fn punctual_light(
+        &mut self,
+        name: &str,
+        candela: f32,
+        color: [f32; 3],
+        range: f32,
+        cone: Option<Cone>,
+        at: Placement,
+    ) {
+        self.use_extension("KHR_lights_punctual");
+        let kind = if cone.is_some() { "spot" } else { "point" };
+        let mut light = json!({"name": name, "type": kind,
+            "color": numbers(&color), "intensity": number(candela)});
+        if range > 0.0 {
+            light["range"] = number(range);
+        }
+        if let Some(cone) = cone {
+            light["spot"] = json!({"innerConeAngle": number(cone.inner),
+                "outerConeAngle": number(cone.outer)});
+        }
+        self.lights.push(light);
         let light = json!({"KHR_lights_punctual": {"light": self.lights.len() - 1}});
         self.node(name, at, ("extensions", light));
     }

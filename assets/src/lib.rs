@@ -5,6 +5,7 @@ pub mod gltf;
 pub mod hall;
 pub mod hdr;
 pub mod lights;
+pub mod lobes;
 pub mod materials;
 pub mod mesh;
 pub mod noise;
@@ -39,6 +40,7 @@ pub fn generate() -> Vec<OutputFile> {
     files.push(OutputFile::new("hall/sky.hdr", sky::sky_hdr()));
     files.extend(materials::generate());
     files.extend(lights::generate());
+    files.extend(lobes::generate());
     files.extend(boxes::generate());
     files
 }

@@ -17,7 +17,7 @@ use crate::passes::depth::DepthImages;
 use crate::passes::{resolve_color, resolve_surface};
 use crate::plan::Plan;
 use crate::scene::GpuScene;
-use crate::settings::Settings;
+use crate::settings::{Settings, SpecularOcclusion};
 use crate::targets::Targets;
 
 /// Draws packages into images of one format and size.
@@ -372,4 +372,8 @@ fn fill_settings(uniform: &mut GlobalUniform, settings: &Settings) {
     uniform.ibl_rotation_sin = settings.ibl_yaw.sin();
     uniform.ibl_rotation_cos = settings.ibl_yaw.cos();
     uniform.debug_render_mode = settings.debug_view;
+    uniform.ao_so_mode = match settings.ao.specular {
+        SpecularOcclusion::Lagarde => 0,
+        SpecularOcclusion::Gtso => 1,
+    };
 }

@@ -16,7 +16,8 @@ use crate::settings::{LightSource, Settings};
 pub struct SceneLights {
     scene: Vec<DirectionalLight>,
     sun: Option<Sun>,
-    has_environment: bool,
+    /// There is light without directional ones: an environment, point or spot lights.
+    lit: bool,
 }
 
 /// The sun of an environment, before its yaw.
@@ -62,7 +63,7 @@ impl SceneLights {
         Ok(Self {
             scene: records.to_vec(),
             sun: environment.and_then(|found| found.sun.as_ref().map(Sun::new)),
-            has_environment: environment.is_some(),
+            lit: environment.is_some() || !package.punctual_lights()?.is_empty(),
         })
     }
 
@@ -117,7 +118,7 @@ impl SceneLights {
         match wanted {
             LightSource::Auto if !self.scene.is_empty() => LightSource::Scene,
             LightSource::Auto if self.sun.is_some() => LightSource::Sun,
-            LightSource::Auto if self.has_environment => LightSource::None,
+            LightSource::Auto if self.lit => LightSource::None,
             LightSource::Auto => LightSource::Fallback,
             other => other,
         }
@@ -253,7 +254,7 @@ mod tests {
         let mut lights = SceneLights::default();
         let fallback = chosen(&lights, &from(LightSource::Fallback));
         assert_eq!(chosen(&lights, &auto), fallback);
-        lights.has_environment = true;
+        lights.lit = true;
         assert!(chosen(&lights, &auto).records.is_empty());
         lights.sun = Some(sun());
         assert_eq!(
@@ -285,7 +286,7 @@ mod tests {
     fn the_sun_turns_with_its_environment() {
         let lights = SceneLights {
             sun: Some(sun()),
-            has_environment: true,
+            lit: true,
             ..SceneLights::default()
         };
         let settings = Settings {

@@ -46,6 +46,10 @@ impl Plan {
     ) -> Result<Self, PlayerError> {
         let groups = package.draw_groups()?;
         let has = |mode: u32| groups.iter().any(|group| group.alpha_mode == mode);
+        let overdraw = settings.debug_view == OVERDRAW_VIEW;
+        let drawn = !groups.is_empty() && !overdraw;
+        let ao = drawn && settings.ao.enabled;
+        let contact = drawn && settings.contact.enabled && scene.light_count > 0;
         let extensions = package.material_extensions()?;
         let has_lobe = |bit: u32| extensions.iter().any(|lobes| lobes.lobes & bit != 0);
         let variant = Variant {
@@ -65,11 +69,9 @@ impl Plan {
                 LightSource::Sun | LightSource::Fallback | LightSource::None => 0,
             },
             debug_view: settings.debug_view != 0,
+            screen_occlusion: ao,
+            contact_shadows: contact,
         };
-        let overdraw = settings.debug_view == OVERDRAW_VIEW;
-        let drawn = !groups.is_empty() && !overdraw;
-        let ao = drawn && settings.ao.enabled;
-        let contact = drawn && settings.contact.enabled && variant.lights;
         let normals = ao || contact;
         Ok(Self {
             variant,

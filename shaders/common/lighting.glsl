@@ -35,15 +35,17 @@ struct Ambient {
     vec3 coat;
 };
 
-// Split sum (Karis 2013). Sheen reads the GGX chain at its own roughness, as its lobe is about as wide.
+// Split sum (Karis 2013). Sheen spreads over all azimuths: irradiance about the normal is three to four times nearer to
+// its lobe than the GGX chain about the reflection.
 Ambient environment_light(Surface s) {
     vec3 reflected = reflect(-s.view, s.normal);
     Ambient light;
-    light.diffuse = diffuse_albedo(s) * environment_irradiance(s.normal);
+    vec3 irradiance = environment_irradiance(s.normal);
+    light.diffuse = diffuse_albedo(s) * irradiance;
     light.specular = specular_albedo(s) * environment_prefiltered(reflected, s.roughness);
     light.coat = vec3(0.0);
     if (HAS_SHEEN && s.sheen_albedo > 0.0) {
-        light.specular += sheen_albedo(s) * environment_prefiltered(reflected, s.sheen_roughness);
+        light.specular += sheen_albedo(s) * irradiance;
     }
     if (HAS_CLEARCOAT && s.coat > 0.0) {
         vec3 direction = reflect(-s.view, s.coat_normal);

@@ -25,5 +25,8 @@ layout(constant_id = 10) const bool HAS_SHEEN = false;
 layout(constant_id = 11) const uint PUNCTUAL_LIGHTS = 0;
 // A debug view is drawn; without, none of its code is there.
 layout(constant_id = 12) const bool DEBUG_VIEW = false;
+// Ambient occlusion and contact shadows of the screen are there.
+layout(constant_id = 13) const bool SCREEN_OCCLUSION = false;
+layout(constant_id = 14) const bool CONTACT_SHADOWS = false;
 
 #endif

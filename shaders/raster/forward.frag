@@ -6,6 +6,7 @@
 #include "lighting.glsl"
 #include "normal.glsl"
 #include "occlude.glsl"
+#include "occlusion.glsl"
 #include "shadow.glsl"
 
 layout(location = 0) in vec3 in_position;
@@ -18,12 +19,15 @@ layout(location = 6) in vec4 in_vertex_color;
 
 layout(location = 0) out vec4 out_color;
 
+// `GlobalUniform::ao_so_mode`: cones about bent normals, else from the amount of occlusion.
+const uint SPECULAR_CONES = 1;
+
 void add(Reflected r, vec3 irradiance, inout Reflected sum) {
     sum.diffuse += r.diffuse * irradiance;
     sum.specular += r.specular * irradiance;
 }
 
-Reflected direct_light(Surface s, vec3 geometric_normal, float view_depth) {
+Reflected direct_light(Surface s, vec3 geometric_normal, float view_depth, float contact) {
     Reflected sum = Reflected(vec3(0.0), vec3(0.0));
     if (HAS_LIGHTS) {
         for (uint i = 0; i < global.directional_light_count; ++i) {
@@ -34,6 +38,9 @@ Reflected direct_light(Surface s, vec3 geometric_normal, float view_depth) {
                 continue;
             }
             float lit = directional_shadow(i, in_position, geometric_normal, view_depth);
+            if (i == 0) {
+                lit *= contact;
+            }
             add(r, lights[i].color_and_shadow.rgb * (lights[i].direction_and_intensity.w * lit), sum);
         }
     }
@@ -46,15 +53,38 @@ Reflected direct_light(Surface s, vec3 geometric_normal, float view_depth) {
     return sum;
 }
 
+// What lies around this pixel. The images of the screen hold what lies behind blended surfaces.
+Occlusion surroundings(vec3 normal) {
+    if (!SCREEN_OCCLUSION || BLENDED) {
+        return Occlusion(1.0, normal);
+    }
+    return screen_occlusion(ivec2(gl_FragCoord.xy), normal);
+}
+
+// Share of the environment's reflection about `normal` that nothing hides: what the screen shows around the pixel, and
+// what the material's texture says, whichever hides more; both know of the same folds.
+float specular_occlusion(Surface s, vec3 normal, float n_dot_v, float roughness, Occlusion screen, float baked) {
+    float share = specular_occlusion_lagarde(n_dot_v, baked, roughness);
+    if (SCREEN_OCCLUSION && !BLENDED) {
+        float seen = global.ao_so_mode == SPECULAR_CONES
+            ? specular_occlusion_cones(screen.bent, reflect(-s.view, normal), screen.visibility, roughness)
+            : specular_occlusion_lagarde(n_dot_v, screen.visibility, roughness);
+        share = min(share, seen);
+    }
+    return share;
+}
+
 // Occlusion concerns light from the surroundings alone: what hides a light is its shadow.
-Reflected indirect_light(Surface s, float occlusion) {
+Reflected indirect_light(Surface s, Occlusion screen, float baked) {
     Ambient ambient = environment_light(s);
-    float scale = global.ibl_intensity;
-    float specular = specular_occlusion_lagarde(s.n_dot_v, occlusion, s.roughness);
-    Reflected r;
-    r.diffuse = ambient.diffuse * multi_bounce(occlusion, s.diffuse) * scale;
-    r.specular = (ambient.specular + ambient.coat) * (specular * scale);
-    return r;
+    float visibility = min(screen.visibility, baked);
+    vec3 specular = ambient.specular * specular_occlusion(s, s.normal, s.n_dot_v, s.roughness, screen, baked);
+    if (HAS_CLEARCOAT) {
+        float n_dot_v = s.coat_n_dot_v;
+        specular += ambient.coat * specular_occlusion(s, s.coat_normal, n_dot_v, s.coat_roughness, screen, baked);
+    }
+    vec3 diffuse = ambient.diffuse * multi_bounce(visibility, s.diffuse);
+    return Reflected(diffuse * global.ibl_intensity, specular * global.ibl_intensity);
 }
 
 // A hue for each whole level, blends between: white for level 0, then red to violet.
@@ -77,8 +107,17 @@ vec3 mip_view(Material material, TexCoords coords) {
     return level_color(textureQueryLod(textures[nonuniformEXT(slot)], uv).x);
 }
 
+// What debug views show besides the surface.
+struct View {
+    // Along the view, metres.
+    float depth;
+    float visibility;
+    float contact;
+    vec3 levels;
+};
+
 // The numbers are those of `GlobalUniform::debug_render_mode`; unknown ones are magenta.
-vec3 view_color(MaterialPoint m, Surface s, Reflected direct, Reflected indirect, float view_depth, vec3 levels) {
+vec3 view_color(MaterialPoint m, Surface s, Reflected direct, Reflected indirect, View view) {
     switch (global.debug_render_mode) {
     case 1: return direct.diffuse + indirect.diffuse;
     case 2: return direct.specular + indirect.specular;
@@ -86,12 +125,13 @@ vec3 view_color(MaterialPoint m, Surface s, Reflected direct, Reflected indirect
     case 4: return s.normal * 0.5 + 0.5;
     case 5: return vec3(m.metallic);
     case 6: return vec3(m.roughness);
-    case 7: return vec3(m.occlusion);
-    case 8: return cascade_color(view_depth);
-    case 9: return vec3(1.0);
-    case 10: return vec3(1.0);
+    case 7: return vec3(m.occlusion * view.visibility);
+    case 8: return cascade_color(view.depth);
+    case 9: return vec3(view.visibility);
+    case 10: return vec3(view.contact);
+    // Added up by the blend unit.
     case 11: return vec3(1.0);
-    case 12: return levels;
+    case 12: return view.levels;
     default: return vec3(1.0, 0.0, 1.0);
     }
 }
@@ -118,11 +158,13 @@ void main() {
     if ((material.double_sided & MATERIAL_UNLIT) != 0u && !DEBUG_VIEW) {
         color = m.base.rgb;
     } else {
-        Reflected direct = direct_light(s, facing_normal(facet, view), view_depth);
-        Reflected indirect = indirect_light(s, m.occlusion);
+        float contact = CONTACT_SHADOWS && !BLENDED ? contact_visibility(ivec2(gl_FragCoord.xy)) : 1.0;
+        Occlusion screen = surroundings(s.normal);
+        Reflected direct = direct_light(s, facing_normal(facet, view), view_depth, contact);
+        Reflected indirect = indirect_light(s, screen, m.occlusion);
         vec3 emitted = m.emission * emission_share(s);
         color = DEBUG_VIEW
-            ? view_color(m, s, direct, indirect, view_depth, levels)
+            ? view_color(m, s, direct, indirect, View(view_depth, screen.visibility, contact, levels))
             : direct.diffuse + direct.specular + indirect.diffuse + indirect.specular + emitted;
     }
     out_color = vec4(storable(color), BLENDED ? clamp(m.base.a, 0.0, 1.0) : 1.0);

@@ -58,6 +58,26 @@ fn an_untextured_box_holds_nothing_but_a_box() {
 }
 
 #[test]
+fn lobes_and_lamps_have_sections_where_they_are() {
+    let package = baked("lobes/lobes.gltf", None);
+    let scene = package.scene();
+    let wanted =
+        features::CLEARCOAT | features::SPECULAR | features::SHEEN | features::PUNCTUAL_LIGHTS;
+    assert_eq!(scene.features.to_native() & wanted, wanted);
+    assert_eq!(package.punctual_lights().expect("lights").len(), 3);
+    let lobes = package.material_extensions().expect("lobes");
+    assert_eq!(lobes.len(), package.materials().expect("materials").len());
+    // An index of 1.5 would be no lobe; the ground has none.
+    assert_eq!(lobes.iter().filter(|record| record.lobes == 0).count(), 1);
+    assert!(scene.brdf_lut.is_some());
+    let hall = baked("hall/hall.gltf", None);
+    assert_eq!(hall.scene().features.to_native() & wanted, 0);
+    for kind in [SectionKind::MaterialExtensions, SectionKind::PunctualLights] {
+        assert!(hall.entry(kind).is_none(), "section {}", kind.name());
+    }
+}
+
+#[test]
 fn the_hall_holds_all_that_it_shows() {
     let package = baked("hall/hall.gltf", Some("hall/sky.hdr"));
     let wanted = [

@@ -102,7 +102,7 @@ fn golden_materials() {
         named(&package, "ortho"),
         Settings::default(),
     );
-    for debug_view in 1..=7 {
+    for debug_view in 1..=12 {
         let settings = Settings {
             debug_view,
             ..Settings::default()
@@ -114,6 +114,28 @@ fn golden_materials() {
             settings,
         );
     }
+}
+
+#[test]
+fn golden_lobes() {
+    if !require_vulkan("golden_lobes") {
+        return;
+    }
+    let package = baked("lobes/lobes.gltf", Some("hall/sky.hdr"));
+    for tonemap in [Tonemap::Aces, Tonemap::Agx, Tonemap::Neutral] {
+        let settings = Settings {
+            tonemap,
+            ev: -1.0,
+            ..Settings::default()
+        };
+        let name = format!("lobes-{tonemap:?}").to_lowercase();
+        golden(&name, &package, named(&package, "main"), settings);
+    }
+    let night = Settings {
+        ibl_intensity: 0.0,
+        ..Settings::default()
+    };
+    golden("lobes-night", &package, named(&package, "main"), night);
 }
 
 #[test]

@@ -63,6 +63,10 @@ pub struct Variant {
     pub punctual_lights: u32,
     /// A debug view is drawn.
     pub debug_view: bool,
+    /// Ambient occlusion of the screen is there.
+    pub screen_occlusion: bool,
+    /// Contact shadows of the screen are there.
+    pub contact_shadows: bool,
 }
 
 /// The passes of a plan; what it does not need is absent.
@@ -143,7 +147,7 @@ enum Alpha {
 
 impl Variant {
     /// Specialisation constants of `forward.vert` and `forward.frag`: see `options.glsl`.
-    fn constants(&self, alpha: Alpha) -> [(u32, u32); 13] {
+    fn constants(&self, alpha: Alpha) -> [(u32, u32); 15] {
         let values = [
             alpha == Alpha::Cut,
             alpha == Alpha::Blended,
@@ -158,8 +162,9 @@ impl Variant {
             self.sheen,
         ]
         .map(u32::from);
-        let counts = [self.punctual_lights, u32::from(self.debug_view)];
-        let mut values = values.into_iter().chain(counts);
+        let rest = [self.debug_view, self.screen_occlusion, self.contact_shadows].map(u32::from);
+        let lights = [self.punctual_lights];
+        let mut values = values.into_iter().chain(lights).chain(rest);
         std::array::from_fn(|id| (id as u32, values.next().unwrap_or_default()))
     }
 }

@@ -306,3 +306,19 @@ fn occlusion_darkens_indirect_light_only() {
     let open = seen(&gpu, &fixture(0.0, 3.0), FRONT, dark());
     assert_near(seen(&gpu, &fixture(1.0, 3.0), FRONT, dark()), open, 1e-6);
 }
+
+/// No 8-bit stand-in for an absent map tilts the normal.
+#[test]
+fn without_a_normal_map_the_normal_is_exact() {
+    let Some(gpu) = device() else { return };
+    let fixture = Fixture {
+        objects: vec![quad(0, vec![Mat4::IDENTITY])],
+        materials: vec![white(0)],
+        ..Fixture::default()
+    };
+    let settings = Settings {
+        debug_view: 4,
+        ..plain()
+    };
+    assert_eq!(seen(&gpu, &fixture, FRONT, settings), [0.5, 0.5, 1.0]);
+}
