@@ -10,12 +10,111 @@ use crate::settings::Settings;
 use crate::settings::flags::SettingFlags;
 use cairn_format::{Aabb, Package};
 
-/// Render a Cairn package: in a window, or headless into a PNG.
-#[derive(clap::Parser, Debug)]
-#[command(version, after_help = EXAMPLES)]
-pub struct Cli {
+/// The command line: a command, or a package to look at.
+#[derive(Debug)]
+pub enum Cli {
+    /// A command.
+    Command(Command),
+    /// The plain form.
+    View(Box<ViewArgs>),
+}
+
+/// By hand: clap derives no optional group of arguments whose own groups hold what is required.
+impl clap::CommandFactory for Cli {
+    fn command() -> clap::Command {
+        let command = clap::Command::new("cairn-player")
+            .version(env!("CARGO_PKG_VERSION"))
+            .about("Render a Cairn package: in a window, or headless into a PNG")
+            .after_help(EXAMPLES)
+            .subcommand_negates_reqs(true)
+            .args_conflicts_with_subcommands(true);
+        <Command as clap::Subcommand>::augment_subcommands(
+            <ViewArgs as clap::Args>::augment_args(command).subcommand_required(false),
+        )
+        .subcommand_required(false)
+        .arg_required_else_help(false)
+    }
+
+    fn command_for_update() -> clap::Command {
+        Self::command()
+    }
+}
+
+impl clap::FromArgMatches for Cli {
+    fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
+        Ok(match matches.subcommand_name() {
+            Some(_) => Self::Command(Command::from_arg_matches(matches)?),
+            None => Self::View(Box::new(ViewArgs::from_arg_matches(matches)?)),
+        })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &clap::ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl clap::Parser for Cli {}
+
+/// What else the player does.
+#[derive(clap::Subcommand, Debug)]
+pub enum Command {
+    /// Measure each pass along a fixed path of the camera; print one JSON line.
+    Bench(Box<BenchArgs>),
+    /// Measure time and error of each feature and quality level; write sweep.json and sweep.svg.
+    Sweep(Box<SweepArgs>),
+    /// Render raster and reference from one camera; write pictures, compare.json and compare.html.
+    Compare(Box<CompareArgs>),
+}
+
+/// `cairn-player sweep`.
+#[derive(clap::Args, Debug)]
+pub struct SweepArgs {
     #[command(flatten)]
-    pub view: ViewArgs,
+    pub scene: SceneArgs,
+    /// Frames to measure of each level; 16 more are drawn before.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub frames: u32,
+    /// Picture to measure against: an uncompressed EXR of linear radiance, or a PNG. Supersampled raster where
+    /// absent.
+    #[arg(long)]
+    pub reference: Option<PathBuf>,
+    /// Samples per pixel of that.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub spp: u32,
+    /// Folder of the results.
+    #[arg(long, short)]
+    pub out: PathBuf,
+}
+
+/// `cairn-player compare`.
+#[derive(clap::Args, Debug)]
+pub struct CompareArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Frames to measure of each feature; 16 more are drawn before.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub frames: u32,
+    /// Samples per pixel of the reference.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub spp: u32,
+    /// Folder of the results.
+    #[arg(long, short)]
+    pub out: PathBuf,
+}
+
+/// `cairn-player bench`.
+#[derive(clap::Args, Debug)]
+pub struct BenchArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Frames to measure; 16 more are drawn before.
+    #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub frames: u32,
+    /// `orbit` around the scene's centre from --camera on, `still`, `cameras` of the package in turn, or those of
+    /// a camera file.
+    #[arg(long, default_value = "orbit")]
+    pub path: crate::bench::Path,
 }
 
 /// A package, how to look at it, and on which device.
@@ -65,6 +164,9 @@ const EXAMPLES: &str = "Examples:
   cairn-player hall.cairn
   cairn-player hall.cairn --camera hero --ev 0.5
   cairn-player hall.cairn --headless --size 1920x1080 --out hall.png --json
+  cairn-player bench hall.cairn --size 1920x1080 --path cameras
+  cairn-player sweep hall.cairn --reference hall.exr -o sweep
+  cairn-player compare hall.cairn --camera hero -o compare
   cairn-player helmet.cairn --headless --camera cameras.json:helmet --tonemap linear --brdf gltf-core -o a.png
 
 Exit codes: 0 success, 1 GPU or driver failure, 2 bad input, 3 validation messages.";
@@ -83,6 +185,7 @@ impl SceneArgs {
         GpuOptions {
             validation: self.validation,
             device: self.device.clone(),
+            cache: crate::user::cache_folder(),
         }
     }
 
@@ -169,7 +272,9 @@ mod tests {
         std::fs::write(file.path(), r#"{"ev": 2, "msaa": 4}"#).expect("written");
         let path = file.path().to_str().expect("UTF-8");
         let cli = Cli::parse_from(["p", "a.cairn", "--ev", "-1", "--settings", path]);
-        let view = cli.view;
+        let Cli::View(view) = cli else {
+            panic!("a command")
+        };
         let base = Settings {
             ev: 7.0,
             msaa: 8,
@@ -186,7 +291,12 @@ mod tests {
     #[test]
     fn a_package_is_needed() {
         assert!(Cli::try_parse_from(["p"]).is_err());
-        let view = Cli::parse_from(["p", "a.cairn"]).view;
+        assert!(Cli::try_parse_from(["p", "bench"]).is_err());
+        let cli = Cli::parse_from(["p", "bench", "a.cairn", "--ev", "1"]);
+        assert!(matches!(cli, Cli::Command(Command::Bench(_))));
+        let Cli::View(view) = Cli::parse_from(["p", "a.cairn"]) else {
+            panic!("a command")
+        };
         assert_eq!(view.scene.size, (1280, 720));
     }
 

@@ -1,6 +1,7 @@
 //! Renders a package without a window and reads the image back.
 
 use std::ffi::CStr;
+use std::time::Instant;
 
 use cairn_format::Package;
 
@@ -9,8 +10,8 @@ use crate::camera::Camera;
 use crate::draw::DrawStats;
 use crate::frame::Renderer;
 use crate::gpu::{
-    Buffer, BufferDesc, FRAMES_IN_FLIGHT, FrameTarget, Frames, Gpu, GpuOptions, GpuResult, Image,
-    ImageDesc, Memory, PassTime, Sync, vk,
+    Buffer, BufferDesc, FrameTarget, Frames, Gpu, GpuOptions, GpuResult, Image, ImageDesc, Memory,
+    PassTime, Submission, Sync, vk,
 };
 use crate::scene::{GpuScene, SceneStats};
 use crate::settings::Settings;
@@ -100,57 +101,145 @@ pub fn render_on(
     package: &Package,
     options: &HeadlessOptions,
 ) -> Result<HeadlessImage, PlayerError> {
-    check_size(gpu, options)?;
-    let scene = GpuScene::upload(gpu, package)?;
-    let (size, settings) = (options.size, &options.settings);
-    let mut renderer = Renderer::new(gpu, &scene, package, OUTPUT_FORMAT, size, settings)?;
-    let output = Output::new(gpu, options)?;
-    let mut frames = Frames::new(gpu)?;
+    if options.frames == 0 {
+        return Err(PlayerError::Input("0 frames: at least 1 is needed".into()));
+    }
+    let settings = &options.settings;
+    let mut session = Session::new(gpu, package, options.size, settings, options.hdr)?;
     let mut times = Times::default();
-    let mut last = None;
-    for index in 0..options.frames as usize {
-        let mut commands = frames.begin()?;
-        if index >= FRAMES_IN_FLIGHT {
-            times.add(frames.timings());
-        }
-        let target = FrameTarget {
-            image: output.image.view(),
-            final_layout: vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
-            final_sync: COPY,
-        };
-        renderer.record(
-            &mut commands,
-            &scene,
-            package,
-            &options.camera,
-            settings,
-            target,
-        )?;
-        if index + 1 == options.frames as usize {
-            commands.copy_image_to_buffer(output.image.view(), 0, 0, &output.pixels, 0);
-            if let Some(buffer) = &output.radiance {
-                renderer.copy_hdr(&mut commands, buffer);
-            }
-        }
-        last = Some(frames.submit(commands)?);
+    for index in 1..=options.frames {
+        let copied = index == options.frames;
+        session.frame(&options.camera, settings, copied)?;
+        times.add(session.timings());
     }
-    if let Some(submission) = last {
-        gpu.wait(submission)?;
-        frames.collect()?;
-        times.add(frames.timings());
-    }
+    session.finish()?;
+    times.add(session.timings());
     Ok(HeadlessImage {
-        width: size[0],
-        height: size[1],
-        rgba8: output.read_pixels()?,
-        hdr: output.read_radiance()?,
+        width: options.size[0],
+        height: options.size[1],
+        rgba8: session.pixels()?,
+        hdr: session.radiance()?,
         passes: times.medians(),
-        draws: renderer.draw_stats(),
-        scene: scene.stats.clone(),
+        draws: session.draw_stats(),
+        scene: session.scene.stats.clone(),
         device: gpu.device_name().to_owned(),
         driver: gpu.driver().to_owned(),
         validation: gpu.validation_messages(),
     })
+}
+
+/// A package on a device that is drawn frame by frame without a window.
+pub struct Session<'a> {
+    gpu: &'a Gpu,
+    package: &'a Package,
+    scene: GpuScene,
+    renderer: Renderer,
+    frames: Frames,
+    output: Output,
+    last: Option<Submission>,
+}
+
+impl<'a> Session<'a> {
+    /// Uploads the package. `hdr` makes room for linear radiance.
+    ///
+    /// # Errors
+    /// [`PlayerError::Input`] for a size that the device cannot render; a bad package; failures of Vulkan.
+    pub fn new(
+        gpu: &'a Gpu,
+        package: &'a Package,
+        size: [u32; 2],
+        settings: &Settings,
+        hdr: bool,
+    ) -> Result<Self, PlayerError> {
+        check_size(gpu, size)?;
+        let scene = GpuScene::upload(gpu, package)?;
+        Ok(Self {
+            renderer: Renderer::new(gpu, &scene, package, OUTPUT_FORMAT, size, settings)?,
+            output: Output::new(gpu, size, hdr)?,
+            frames: Frames::new(gpu)?,
+            gpu,
+            package,
+            scene,
+            last: None,
+        })
+    }
+
+    /// Records and submits a frame; `copied` ones can be read back after [`Session::finish`]. Returns the seconds
+    /// that recording took on the CPU.
+    ///
+    /// # Errors
+    /// A package that changed on disk; failures of Vulkan.
+    pub fn frame(
+        &mut self,
+        camera: &Camera,
+        settings: &Settings,
+        copied: bool,
+    ) -> Result<f64, PlayerError> {
+        let mut commands = self.frames.begin()?;
+        let target = FrameTarget {
+            image: self.output.image.view(),
+            final_layout: vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+            final_sync: COPY,
+        };
+        let start = Instant::now();
+        self.renderer.record(
+            &mut commands,
+            &self.scene,
+            self.package,
+            camera,
+            settings,
+            target,
+        )?;
+        let seconds = start.elapsed().as_secs_f64();
+        if copied {
+            let output = &self.output;
+            commands.copy_image_to_buffer(output.image.view(), 0, 0, &output.pixels, 0);
+            if let Some(buffer) = &output.radiance {
+                self.renderer.copy_hdr(&mut commands, buffer);
+            }
+        }
+        self.last = Some(self.frames.submit(commands)?);
+        Ok(seconds)
+    }
+
+    /// Waits for the last frame and reads its times.
+    ///
+    /// # Errors
+    /// Failures of Vulkan.
+    pub fn finish(&mut self) -> Result<(), PlayerError> {
+        if let Some(submission) = self.last {
+            self.gpu.wait(submission)?;
+            self.frames.collect()?;
+        }
+        Ok(())
+    }
+
+    /// GPU times of the newest frame that was waited for: after [`Session::frame`] the one before the last, after
+    /// [`Session::finish`] the last; empty before.
+    pub fn timings(&self) -> &[PassTime] {
+        self.frames.timings()
+    }
+
+    /// sRGB bytes of the last copied frame, rows of RGBA from the top.
+    ///
+    /// # Errors
+    /// Failures of Vulkan.
+    pub fn pixels(&self) -> Result<Vec<u8>, PlayerError> {
+        Ok(self.output.read_pixels()?)
+    }
+
+    /// Linear radiance of the last copied frame, where there is room for it.
+    ///
+    /// # Errors
+    /// Failures of Vulkan.
+    pub fn radiance(&self) -> Result<Option<Vec<[f32; 4]>>, PlayerError> {
+        Ok(self.output.read_radiance()?)
+    }
+
+    /// What the last frame drew.
+    pub fn draw_stats(&self) -> DrawStats {
+        self.renderer.draw_stats()
+    }
 }
 
 /// The read-back copy, which is the output's last use.
@@ -158,17 +247,15 @@ const COPY: Sync = Sync {
     stage: vk::PipelineStageFlags2::COPY,
     access: vk::AccessFlags2::TRANSFER_READ,
 };
-fn check_size(gpu: &Gpu, options: &HeadlessOptions) -> Result<(), PlayerError> {
+
+fn check_size(gpu: &Gpu, size: [u32; 2]) -> Result<(), PlayerError> {
     let limit = gpu.limits().max_image_dimension2_d;
-    let [width, height] = options.size;
+    let [width, height] = size;
     if width == 0 || height == 0 || width > limit || height > limit {
         return Err(PlayerError::Input(format!(
             "size {width}x{height}: each side must be 1 to {limit} pixels on {}",
             gpu.device_name()
         )));
-    }
-    if options.frames == 0 {
-        return Err(PlayerError::Input("0 frames: at least 1 is needed".into()));
     }
     Ok(())
 }
@@ -182,13 +269,13 @@ struct Output {
 }
 
 impl Output {
-    fn new(gpu: &Gpu, options: &HeadlessOptions) -> GpuResult<Self> {
+    fn new(gpu: &Gpu, size: [u32; 2], hdr: bool) -> GpuResult<Self> {
         let image = Image::new(
             gpu,
             &ImageDesc {
                 name: "output",
                 format: OUTPUT_FORMAT,
-                extent: options.size,
+                extent: size,
                 levels: 1,
                 layers: 1,
                 cube: false,
@@ -196,10 +283,8 @@ impl Output {
                 usage: vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::TRANSFER_SRC,
             },
         )?;
-        let texels = u64::from(options.size[0]) * u64::from(options.size[1]);
-        let radiance = options
-            .hdr
-            .then(|| readback(gpu, "radiance readback", texels * 8));
+        let texels = u64::from(size[0]) * u64::from(size[1]);
+        let radiance = hdr.then(|| readback(gpu, "radiance readback", texels * 8));
         Ok(Self {
             image,
             texels: texels as usize,

@@ -1,9 +1,11 @@
 //! Maps a Cairn package and renders it: open -> upload -> cull -> record -> present.
 
 pub mod args;
+pub mod bench;
 pub mod camera;
 pub mod camera_file;
 pub mod cascade;
+pub mod compare;
 pub mod draw;
 pub mod error;
 pub mod exr;
@@ -16,9 +18,12 @@ pub mod metrics;
 pub mod passes;
 pub mod plan;
 pub mod png;
+pub mod ruler;
 pub mod scene;
 pub mod settings;
+pub mod sweep;
 pub mod targets;
+pub mod user;
 #[cfg(feature = "window")]
 pub mod window;
 

@@ -1,28 +1,38 @@
 //! The `cairn-player` program.
 
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use cairn_format::Package;
 use cairn_player::PlayerError;
-use cairn_player::args::{Cli, ViewArgs};
+use cairn_player::args::{BenchArgs, Cli, Command, CompareArgs, SweepArgs, ViewArgs};
+use cairn_player::bench::BenchOptions;
+use cairn_player::compare::CompareOptions;
+use cairn_player::gpu::Gpu;
 use cairn_player::headless::{self, HeadlessImage, HeadlessOptions};
 use cairn_player::png;
 use cairn_player::settings::Settings;
+use cairn_player::sweep::SweepOptions;
 use clap::Parser;
 
 /// Exit code of a run that the validation layer had something to say about.
 const VALIDATION_MESSAGES: u8 = 3;
 
 fn main() -> ExitCode {
-    let args = Cli::parse().view;
-    match run(&args) {
-        Ok(code) => code,
+    let cli = Cli::parse();
+    let (package, done) = match &cli {
+        Cli::Command(Command::Bench(args)) => (&args.scene.package, bench(args)),
+        Cli::Command(Command::Sweep(args)) => (&args.scene.package, sweep(args)),
+        Cli::Command(Command::Compare(args)) => (&args.scene.package, compare(args)),
+        Cli::View(args) => (&args.scene.package, view(args)),
+    };
+    match done {
+        Ok(messages) if messages.is_empty() => ExitCode::SUCCESS,
+        Ok(_) => ExitCode::from(VALIDATION_MESSAGES),
         Err(error) => {
             match &error {
-                PlayerError::Package(inner) => {
-                    eprintln!("error: {}: {inner}", args.scene.package.display())
-                }
+                PlayerError::Package(inner) => eprintln!("error: {}: {inner}", package.display()),
                 other => eprintln!("error: {other}"),
             }
             ExitCode::from(error.exit_code())
@@ -30,7 +40,89 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(args: &ViewArgs) -> Result<ExitCode, PlayerError> {
+/// Messages of the validation layer.
+type Outcome = Result<Vec<String>, PlayerError>;
+
+fn bench(args: &BenchArgs) -> Outcome {
+    let package = args.scene.open()?;
+    let options = BenchOptions {
+        size: [args.scene.size.0, args.scene.size.1],
+        camera: args.scene.camera(&package)?,
+        path: args.path.clone(),
+        settings: args.scene.settings(Settings::default())?,
+        frames: args.frames,
+    };
+    let gpu = Gpu::new(&args.scene.gpu())?;
+    let report = cairn_player::bench::run(&gpu, &package, &options)?;
+    println!("{}", serde_json::json!(report));
+    Ok(gpu.close())
+}
+
+fn sweep(args: &SweepArgs) -> Outcome {
+    let package = args.scene.open()?;
+    let options = SweepOptions {
+        size: [args.scene.size.0, args.scene.size.1],
+        camera: args.scene.camera(&package)?,
+        settings: args.scene.settings(Settings::default())?,
+        frames: args.frames,
+        reference: args.reference.clone(),
+        samples: args.spp,
+    };
+    let gpu = Gpu::new(&args.scene.gpu())?;
+    let report = cairn_player::sweep::run(&gpu, &package, &options)?;
+    let plot = cairn_player::sweep::plot::svg(&report);
+    let json = serde_json::json!(report).to_string();
+    write_all(
+        &args.out,
+        &[
+            ("sweep.svg".into(), plot.into()),
+            ("sweep.json".into(), json.into()),
+        ],
+    )?;
+    print!("{}", report.table());
+    Ok(gpu.close())
+}
+
+fn compare(args: &CompareArgs) -> Outcome {
+    let package = args.scene.open()?;
+    let options = CompareOptions {
+        size: [args.scene.size.0, args.scene.size.1],
+        camera: args.scene.camera(&package)?,
+        settings: args.scene.settings(Settings::default())?,
+        frames: args.frames,
+        samples: args.spp,
+    };
+    let gpu = Gpu::new(&args.scene.gpu())?;
+    let report = cairn_player::compare::run(&gpu, &package, &options)?;
+    let title = format!("{}: raster against reference", package.scene().name);
+    let mut files = cairn_player::compare::page::files(&report)?;
+    files.push((
+        "compare.html".into(),
+        cairn_player::compare::page::html(&report, &title)?.into(),
+    ));
+    files.push((
+        "compare.json".into(),
+        serde_json::json!(report).to_string().into(),
+    ));
+    write_all(&args.out, &files)?;
+    print!("{}", report.table());
+    Ok(gpu.close())
+}
+
+/// Writes files into a folder, which is made where it is missing.
+fn write_all(folder: &Path, files: &[(String, Vec<u8>)]) -> Result<(), PlayerError> {
+    let fail = |path: &Path, error: std::io::Error| {
+        PlayerError::Input(format!("{}: {error}", path.display()))
+    };
+    std::fs::create_dir_all(folder).map_err(|error| fail(folder, error))?;
+    for (name, bytes) in files {
+        let path = folder.join(name);
+        png::write_whole(&path, bytes).map_err(|error| fail(&path, error))?;
+    }
+    Ok(())
+}
+
+fn view(args: &ViewArgs) -> Outcome {
     let start = Instant::now();
     let package = args.scene.open()?;
     let open_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -54,10 +146,7 @@ fn run(args: &ViewArgs) -> Result<ExitCode, PlayerError> {
     } else {
         print!("{}", text(args, &image, open_ms));
     }
-    Ok(match image.validation.len() {
-        0 => ExitCode::SUCCESS,
-        _ => ExitCode::from(VALIDATION_MESSAGES),
-    })
+    Ok(image.validation)
 }
 
 fn json(
@@ -115,7 +204,7 @@ fn text(args: &ViewArgs, image: &HeadlessImage, open_ms: f64) -> String {
 }
 
 #[cfg(feature = "window")]
-fn show(args: &ViewArgs, package: &Package) -> Result<ExitCode, PlayerError> {
+fn show(args: &ViewArgs, package: &Package) -> Outcome {
     let options = cairn_player::window::WindowOptions {
         size: [args.scene.size.0, args.scene.size.1],
         camera: args.scene.camera(package)?,
@@ -123,16 +212,11 @@ fn show(args: &ViewArgs, package: &Package) -> Result<ExitCode, PlayerError> {
         frames: args.frames,
         gpu: args.scene.gpu(),
     };
-    let messages = cairn_player::window::run(package, &options)?;
-    Ok(if messages.is_empty() {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::from(VALIDATION_MESSAGES)
-    })
+    cairn_player::window::run(package, &options)
 }
 
 #[cfg(not(feature = "window"))]
-fn show(_args: &ViewArgs, _package: &Package) -> Result<ExitCode, PlayerError> {
+fn show(_args: &ViewArgs, _package: &Package) -> Outcome {
     Err(PlayerError::Input(
         "this build has no window (feature `window`): render with --headless --out FILE.png".into(),
     ))

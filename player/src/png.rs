@@ -7,6 +7,17 @@ use crate::error::PlayerError;
 
 /// Writes `rgba8` (row-major, sRGB, 4 bytes a texel) as an opaque RGB PNG.
 pub fn write(path: &Path, width: u32, height: u32, rgba8: &[u8]) -> Result<(), PlayerError> {
+    let fail =
+        |error: &dyn std::fmt::Display| PlayerError::Input(format!("{}: {error}", path.display()));
+    let bytes = encode(width, height, rgba8).map_err(|error| fail(&error))?;
+    write_whole(path, &bytes).map_err(|error| fail(&error))
+}
+
+/// The bytes of such a file.
+///
+/// # Errors
+/// Those of the encoder: an empty picture, or too few bytes.
+pub fn encode(width: u32, height: u32, rgba8: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
     let rgb: Vec<u8> = rgba8
         .chunks_exact(4)
         .flat_map(|texel| [texel[0], texel[1], texel[2]])
@@ -16,12 +27,10 @@ pub fn write(path: &Path, width: u32, height: u32, rgba8: &[u8]) -> Result<(), P
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
-    let written = encoder
-        .write_header()
-        .and_then(|mut writer| writer.write_image_data(&rgb));
-    written.map_err(|error| PlayerError::Input(format!("{}: {error}", path.display())))?;
-    write_whole(path, &bytes)
-        .map_err(|error| PlayerError::Input(format!("{}: {error}", path.display())))
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&rgb)?;
+    writer.finish()?;
+    Ok(bytes)
 }
 
 /// Writes a file by a temporary neighbour, fsync and rename.

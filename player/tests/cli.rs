@@ -220,3 +220,91 @@ fn without_a_display_the_remedy_is_named() {
         text(&done.stderr)
     );
 }
+
+#[test]
+fn bench_prints_one_line_of_percentiles() {
+    if !has_vulkan("bench_prints_one_line_of_percentiles") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let package = empty_package(folder.path());
+    let bench = |more: &[&str]| {
+        let fixed = ["bench", path(&package), "--size", "16x16", "--frames", "5"];
+        player(&[&fixed[..], more].concat())
+    };
+    let done = bench(&["--no-skybox", "--validation"]);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    assert_eq!(text(&done.stdout).lines().count(), 1);
+    let json: serde_json::Value = serde_json::from_slice(&done.stdout).expect("one JSON object");
+    assert_eq!(json["scene"].as_str().map(str::len), Some(64));
+    assert!(
+        json["commit"]
+            .as_str()
+            .is_some_and(|commit| !commit.is_empty())
+    );
+    assert_eq!((&json["frames"], &json["dropped"]), (&5.into(), &16.into()));
+    assert_eq!(json["settings"]["skybox"], false);
+    let times = [&json["gpu_ms"], &json["record_ms"], &json["passes"][0]];
+    for time in times {
+        let [p50, p95] = ["p50", "p95"].map(|name| time[name].as_f64().expect("a time"));
+        assert!(0.0 < p50 && p50 <= p95, "{time}");
+    }
+    let done = bench(&["--path", "cameras"]);
+    assert_eq!(done.status.code(), Some(2));
+    assert!(text(&done.stderr).contains("no camera"));
+}
+
+#[test]
+fn compare_and_sweep_write_whole_reports() {
+    if !has_vulkan("compare_and_sweep_write_whole_reports") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let package = empty_package(folder.path());
+    let out = folder.path().join("compare");
+    let common = [
+        path(&package),
+        "--size",
+        "24x16",
+        "--frames",
+        "2",
+        "--spp",
+        "4",
+    ];
+    let done = player(&[&["compare"], &common[..], &["-o", path(&out)]].concat());
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let page = std::fs::read_to_string(out.join("compare.html")).expect("a page");
+    assert!(page.matches("data:image/png;base64,").count() >= 20 && !page.contains("http"));
+    let json = std::fs::read(out.join("compare.json")).expect("a report");
+    let json: serde_json::Value = serde_json::from_slice(&json).expect("JSON");
+    assert_eq!(json["rows"].as_array().map(Vec::len), Some(5));
+    // Nothing is black in every way of drawing it.
+    assert_eq!(
+        (&json["rows"][0]["rmse"], &json["rows"][0]["flip"]),
+        (&0.0.into(), &0.0.into())
+    );
+
+    let reference = out.join("all-reference.exr");
+    let out = folder.path().join("sweep");
+    let sweep =
+        |more: &[&str]| player(&[&["sweep"], &common[..], &["-o", path(&out)], more].concat());
+    let done = sweep(&["--reference", path(&reference)]);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let json = std::fs::read(out.join("sweep.json")).expect("a report");
+    let json: serde_json::Value = serde_json::from_slice(&json).expect("JSON");
+    assert!(
+        json["levels"]
+            .as_array()
+            .is_some_and(|levels| levels.len() > 30)
+    );
+    assert!(
+        std::fs::read_to_string(out.join("sweep.svg")).is_ok_and(|svg| svg.starts_with("<svg"))
+    );
+    let done = sweep(&["--reference", path(&package)]);
+    assert_eq!(done.status.code(), Some(2));
+    assert!(
+        text(&done.stderr).contains("not an OpenEXR file"),
+        "{}",
+        text(&done.stderr)
+    );
+}

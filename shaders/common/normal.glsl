@@ -30,6 +30,13 @@ vec3 facing_normal(vec3 facet, vec3 view) {
     return dot(normal, view) < 0.0 ? -normal : normal;
 }
 
+// A normal that faces away from the viewer, as interpolation and normal maps make near silhouettes, is turned just far
+// enough to be seen edge-on: reflections then graze the surface instead of entering it.
+vec3 visible_normal(vec3 normal, vec3 view) {
+    float facing = dot(normal, view);
+    return facing < 0.0 ? normalize(normal - facing * view) : normal;
+}
+
 // World normal of a point: the vertices', bent by the tangent-space normal `mapped`, turned to the side that is seen.
 // Without vertex normals it is the triangle's own.
 vec3 bend_normal(vec3 mapped, Frame frame, vec3 facet, vec3 view, bool front_facing) {
@@ -42,7 +49,8 @@ vec3 bend_normal(vec3 mapped, Frame frame, vec3 facet, vec3 view, bool front_fac
         normal = mapped.x * frame.tangent + mapped.y * bitangent + mapped.z * frame.normal;
         normal = dot(normal, normal) > DEGENERATE ? normal : frame.normal;
     }
-    return front_facing ? normalize(normal) : -normalize(normal);
+    vec3 unit = normalize(normal);
+    return visible_normal(front_facing ? unit : -unit, view);
 }
 
 #ifndef CAIRN_EXPLICIT_LOD

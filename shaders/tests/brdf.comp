@@ -2,6 +2,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "brdf.glsl"
+#include "occlude.glsl"
 
 layout(local_size_x = 64) in;
 
@@ -14,8 +15,15 @@ struct Case {
     vec4 base;
     // w = roughness.
     vec4 sheen;
-    // x = coat, y = its roughness.
+    // x = coat, y = its roughness, z = visibility of the surroundings.
     vec4 coat;
+};
+
+struct Result {
+    // All lobes but sheen, N.L included; w = white sheen without N.L.
+    vec4 lobes;
+    // Multi-bounce with the base's red; Lagarde's specular occlusion; cones, with the light's direction as bent normal.
+    vec4 occlusion;
 };
 
 layout(set = 3, binding = 8, scalar) readonly buffer CaseBuffer {
@@ -23,8 +31,7 @@ layout(set = 3, binding = 8, scalar) readonly buffer CaseBuffer {
 };
 
 layout(set = 3, binding = 9, scalar) writeonly buffer ResultBuffer {
-    // All lobes but sheen, N.L included; w = white sheen without N.L.
-    vec4 results[];
+    Result results[];
 };
 
 void main() {
@@ -52,5 +59,10 @@ void main() {
     float sheen = n_dot_l > 0.0
         ? distribution_sheen(dot(cross_nh, cross_nh), alpha) * visibility_sheen(s.n_dot_v, n_dot_l, alpha)
         : 0.0;
-    results[index] = vec4(r.diffuse + r.specular, sheen);
+    vec4 occlusion = vec4(0.0);
+    occlusion.x = multi_bounce(c.coat.z, c.base.rgb).r;
+    occlusion.y = specular_occlusion_lagarde(s.n_dot_v, c.coat.z, s.roughness);
+    vec3 reflected = reflect(-s.view, s.normal);
+    occlusion.z = specular_occlusion_cones(c.light.xyz, reflected, c.coat.z, s.roughness);
+    results[index] = Result(vec4(r.diffuse + r.specular, sheen), occlusion);
 }

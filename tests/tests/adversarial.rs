@@ -108,6 +108,7 @@ fn render_all(baked: &[(&PathBuf, PathBuf)]) {
         gpu: GpuOptions {
             validation: true,
             device: None,
+            ..GpuOptions::default()
         },
     };
     let gpu = Gpu::new(&options.gpu).expect("a device");

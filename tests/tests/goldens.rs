@@ -21,6 +21,7 @@ fn view(package: &Package, camera: Camera, settings: Settings) -> HeadlessImage 
         gpu: GpuOptions {
             validation: true,
             device: None,
+            ..GpuOptions::default()
         },
     };
     let image = headless::render(package, &options).expect("a rendered frame");

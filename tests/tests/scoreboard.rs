@@ -54,6 +54,7 @@ fn every_model_bakes_and_renders() {
     let options = GpuOptions {
         validation: true,
         device: None,
+        ..GpuOptions::default()
     };
     let gpu = Gpu::new(&options).expect("a device");
     let (mut rows, mut failures) = (Vec::new(), Vec::new());

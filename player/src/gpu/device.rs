@@ -12,6 +12,7 @@ use super::error::{GpuError, GpuResult};
 use super::frame_sync::CommandMemory;
 use super::image::attachment_samples;
 use super::instance::Instance;
+use super::pipeline_cache::PipelineCache;
 use super::queue::{Submission, Timeline};
 use super::raytracing::{self, RayTracing};
 use super::select::{Candidate, Presents, select};
@@ -23,6 +24,8 @@ pub struct GpuOptions {
     pub validation: bool,
     /// Part of the device's name; the best usable device where absent.
     pub device: Option<String>,
+    /// Folder of compiled pipelines; none are kept where absent.
+    pub cache: Option<std::path::PathBuf>,
 }
 
 /// A Vulkan device, shared by everything made from it.
@@ -40,7 +43,7 @@ pub(super) struct Shared {
     pub(super) queue_family: u32,
     /// Signalled by every submission with the next number.
     pub(super) semaphore: vk::Semaphore,
-    pub(super) pipeline_cache: vk::PipelineCache,
+    pub(super) pipeline_cache: PipelineCache,
     pub(super) limits: vk::PhysicalDeviceLimits,
     pub(super) anisotropy: bool,
     pub(super) timestamp_bits: u32,
@@ -69,7 +72,7 @@ impl Gpu {
     ) -> GpuResult<Self> {
         let candidate = select(&instance, options.device.as_deref(), presents)?;
         let device = create_device(&instance, &candidate, presents.is_some())?;
-        let shared = Shared::new(instance, candidate, device)?;
+        let shared = Shared::new(instance, candidate, device, options.cache.as_deref())?;
         Ok(Self {
             shared: Arc::new(shared),
         })
@@ -166,11 +169,16 @@ impl Gpu {
 }
 
 impl Shared {
-    fn new(instance: Arc<Instance>, candidate: Candidate, device: ash::Device) -> GpuResult<Self> {
+    fn new(
+        instance: Arc<Instance>,
+        candidate: Candidate,
+        device: ash::Device,
+        cache: Option<&std::path::Path>,
+    ) -> GpuResult<Self> {
         let debug = instance
             .debug_utils
             .then(|| ash::ext::debug_utils::Device::new(&instance.raw, &device));
-        let objects = match DeviceObjects::new(&instance, &candidate, &device) {
+        let objects = match DeviceObjects::new(&instance, &candidate, &device, cache) {
             Ok(objects) => objects,
             Err(error) => {
                 // SAFETY: the device has no objects left.
@@ -269,8 +277,7 @@ impl Drop for Shared {
         // SAFETY: all objects that held an `Arc` of this are gone, and the queue is empty. The allocator is taken
         // once, here, before its device.
         unsafe {
-            self.device
-                .destroy_pipeline_cache(self.pipeline_cache, None);
+            self.pipeline_cache.close(&self.device);
             self.device.destroy_semaphore(self.semaphore, None);
             ManuallyDrop::drop(&mut self.allocator);
             self.device.destroy_device(None);
@@ -281,12 +288,17 @@ impl Drop for Shared {
 /// Objects that live as long as the device.
 struct DeviceObjects {
     semaphore: vk::Semaphore,
-    pipeline_cache: vk::PipelineCache,
+    pipeline_cache: PipelineCache,
     allocator: Allocator,
 }
 
 impl DeviceObjects {
-    fn new(instance: &Instance, candidate: &Candidate, device: &ash::Device) -> GpuResult<Self> {
+    fn new(
+        instance: &Instance,
+        candidate: &Candidate,
+        device: &ash::Device,
+        cache: Option<&std::path::Path>,
+    ) -> GpuResult<Self> {
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.raw.clone(),
             device: device.clone(),
@@ -303,13 +315,10 @@ impl DeviceObjects {
         // SAFETY: the device is alive and has timeline semaphores enabled.
         let semaphore = unsafe { device.create_semaphore(&info, None) }
             .map_err(GpuError::of("vkCreateSemaphore"))?;
-        let info = vk::PipelineCacheCreateInfo::default();
-        // SAFETY: the device is alive; the cache begins empty.
         let pipeline_cache =
-            unsafe { device.create_pipeline_cache(&info, None) }.map_err(|result| {
+            PipelineCache::new(device, &candidate.properties, cache).inspect_err(|_| {
                 // SAFETY: the semaphore was never used.
                 unsafe { device.destroy_semaphore(semaphore, None) };
-                GpuError::of("vkCreatePipelineCache")(result)
             })?;
         Ok(Self {
             semaphore,

@@ -13,6 +13,7 @@ pub mod frame_sync;
 pub mod image;
 mod instance;
 pub mod pipeline;
+mod pipeline_cache;
 mod query;
 mod queue;
 pub mod raytracing;

@@ -215,7 +215,7 @@ impl ComputePipeline {
         // SAFETY: module, layout and cache are alive.
         let result = unsafe {
             let device = &shared.device;
-            device.create_compute_pipelines(shared.pipeline_cache, &[info], None)
+            device.create_compute_pipelines(shared.pipeline_cache.raw, &[info], None)
         };
         let raw = first(result, "vkCreateComputePipelines")?;
         shared.set_name(raw, name);
@@ -301,7 +301,7 @@ fn create_graphics(
     // SAFETY: modules, layout and cache are alive, and `info` points to locals of this function.
     let result = unsafe {
         let device = &shared.device;
-        device.create_graphics_pipelines(shared.pipeline_cache, &[info], None)
+        device.create_graphics_pipelines(shared.pipeline_cache.raw, &[info], None)
     };
     first(result, "vkCreateGraphicsPipelines")
 }

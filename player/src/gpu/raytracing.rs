@@ -205,7 +205,7 @@ fn create(
     let result = unsafe {
         shared.ray_tracing().pipelines.create_ray_tracing_pipelines(
             vk::DeferredOperationKHR::null(),
-            shared.pipeline_cache,
+            shared.pipeline_cache.raw,
             &[info],
             None,
         )

@@ -9,6 +9,7 @@ pub(crate) fn gpu() -> Option<Gpu> {
     let options = GpuOptions {
         validation: true,
         device: None,
+        ..GpuOptions::default()
     };
     match Gpu::new(&options) {
         Ok(gpu) => Some(gpu),

@@ -278,6 +278,7 @@ fn an_unknown_device_name_is_a_typed_error() {
     let options = GpuOptions {
         validation: false,
         device: Some("no such device".into()),
+        ..GpuOptions::default()
     };
     match Gpu::new(&options).err() {
         Some(GpuError::NoDevice(text)) => assert!(text.contains("no such device"), "{text}"),

@@ -1,6 +1,7 @@
 //! How far one picture is from another: RMSE, mean relative error, FLIP, and pictures of the difference.
 
 pub mod color;
+pub mod display;
 pub mod flip;
 pub mod heatmap;
 #[cfg(test)]

@@ -75,6 +75,7 @@ fn a_window_survives_a_storm_of_sizes_and_leaves_nothing_behind() {
         gpu: GpuOptions {
             validation: true,
             device: None,
+            ..GpuOptions::default()
         },
     };
     let mut builder = EventLoop::builder();

@@ -183,3 +183,60 @@ fn impossible_sizes_are_input_errors() {
         assert!(matches!(result, Err(PlayerError::Input(_))), "{size:?}");
     }
 }
+
+#[test]
+fn the_processor_shows_radiance_as_the_shader_does() {
+    let Some(gpu) = device() else { return };
+    let colors = [
+        [0.02, 0.5, 3.0],
+        [0.9, 0.18, 0.001],
+        [12.0, 10.0, 11.0],
+        [0.3, 0.3, 0.3],
+    ];
+    let objects = colors.iter().enumerate().map(|(index, _)| {
+        let place = Vec3::new(index as f32 * 0.5 - 0.75, 0.0, 0.0);
+        quad(
+            index as u32,
+            vec![Mat4::from_translation(place) * Mat4::from_scale(Vec3::splat(0.25))],
+        )
+    });
+    let fixture = Fixture {
+        objects: objects.collect(),
+        materials: colors
+            .iter()
+            .map(|[r, g, b]| unlit([*r, *g, *b, 1.0]))
+            .collect(),
+        ..Fixture::default()
+    };
+    for tonemap in [
+        Tonemap::Aces,
+        Tonemap::Linear,
+        Tonemap::Agx,
+        Tonemap::Neutral,
+    ] {
+        let settings = Settings {
+            tonemap,
+            ev: 0.5,
+            ..plain()
+        };
+        let image = shoot(
+            &gpu,
+            &fixture,
+            [64, 32],
+            towards_origin(Vec3::Z * 2.0),
+            settings.clone(),
+        );
+        let hdr = image.hdr.as_ref().expect("read back");
+        let radiance = crate::metrics::Picture::from_rgba(64, 32, hdr);
+        let shown = crate::metrics::display::display(&radiance, &settings).to_srgb8();
+        let worst = shown
+            .iter()
+            .zip(&image.rgba8)
+            .map(|(a, b)| a.abs_diff(*b))
+            .max();
+        // One step of rounding, one of dithering.
+        assert!(worst <= Some(2), "{tonemap:?}: {worst:?}");
+        let bright = shown.chunks_exact(4).filter(|texel| texel[0] > 100).count();
+        assert!(bright > 20, "{tonemap:?}: nothing was drawn");
+    }
+}

@@ -322,3 +322,35 @@ fn without_a_normal_map_the_normal_is_exact() {
     };
     assert_eq!(seen(&gpu, &fixture, FRONT, settings), [0.5, 0.5, 1.0]);
 }
+
+/// A normal map may bend the normal beyond what the camera can see; it is then seen edge-on, and nothing overflows.
+#[test]
+fn normals_that_face_away_are_seen_edge_on() {
+    let Some(gpu) = device() else { return };
+    let tilted = Mat4::from_rotation_y(1.4);
+    let fixture = Fixture {
+        objects: vec![quad(0, vec![tilted])],
+        materials: vec![Material {
+            normal_tex: 0,
+            roughness_factor: 0.0,
+            ..Material::default()
+        }],
+        // x = -0.8 in tangent space, which lies along the world's -Z after the turn.
+        textures: vec![row(TextureFormat::Rgba8Unorm, vec![[255, 128, 0, 255]])],
+        lights: vec![light(Vec3::NEG_Z, [1.0; 3], 3.0)],
+        environment: Some([[1.0; 3]; 6]),
+        lut: true,
+        ..Fixture::default()
+    };
+    let settings = Settings {
+        debug_view: 4,
+        ..plain()
+    };
+    let camera = towards_origin(FRONT);
+    let image = shoot(&gpu, &fixture, [33, 33], camera, settings);
+    let normal = Vec3::from(super::middle(&image)) * 2.0 - 1.0;
+    assert!(normal.z.abs() < 2e-3, "{normal} is edge-on along Z");
+    // `shoot` asserts that lit texels are finite.
+    let image = shoot(&gpu, &fixture, [33, 33], camera, plain());
+    assert!(super::middle(&image)[0] <= 1.01);
+}

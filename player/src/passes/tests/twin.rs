@@ -215,6 +215,21 @@ pub fn multi_bounce(visibility: f64, albedo: f64) -> f64 {
     visibility.max(a * visibility.powi(3) + b * visibility.powi(2) + c * visibility)
 }
 
+/// Lagarde and de Rousiers 2014.
+pub fn specular_occlusion_lagarde(n_dot_v: f64, visibility: f64, roughness: f64) -> f64 {
+    let exponent = (-16.0 * roughness - 1.0).exp2();
+    ((n_dot_v + visibility).powf(exponent) - 1.0 + visibility).clamp(0.0, 1.0)
+}
+
+/// The cone of open directions against that of the lobe, `between` apart.
+pub fn specular_occlusion_cones(between: f64, visibility: f64, roughness: f64) -> f64 {
+    let open = (1.0 - visibility).sqrt().acos();
+    let lobe = 0.01_f64.powf(0.5 * roughness * roughness).acos().max(0.01);
+    let t = ((open - between) / lobe).clamp(0.0, 1.0);
+    let share = t * t * (3.0 - 2.0 * t);
+    share + (1.0 - share) * visibility * visibility
+}
+
 fn distribution(n_dot_h: f64, alpha: f64) -> f64 {
     let a2 = alpha * alpha;
     let denominator = n_dot_h * n_dot_h * (a2 - 1.0) + 1.0;
