@@ -1,8 +1,8 @@
 //! The frame: the ordered list of passes, and the per-frame data that they read.
 
-use cairn_format::gpu::{GlobalUniform, NO_TEXTURE};
+use cairn_format::gpu::{FEATURE_AO, FEATURE_CONTACT_SHADOWS, GlobalUniform, NO_TEXTURE};
 use cairn_format::{Frustum, Package, SectionKind};
-use glam::Mat4;
+use glam::{Mat4, Vec3};
 
 use crate::PlayerError;
 use crate::camera::Camera;
@@ -11,10 +11,10 @@ use crate::gpu::{
     Buffer, BufferDesc, Commands, DescriptorSet, FRAMES_IN_FLIGHT, FrameTarget, Gpu, GpuResult,
     Layouts, Memory, SetIndex, vk,
 };
-use crate::graph::{Graph, Usage, Uses};
+use crate::graph::{Graph, Stage, Usage, Uses};
 use crate::passes::Passes;
 use crate::passes::depth::DepthImages;
-use crate::passes::{resolve_color, resolve_surface};
+use crate::passes::{ao_spatial, ao_temporal, contact, gtao, resolve_color, resolve_surface};
 use crate::plan::Plan;
 use crate::scene::GpuScene;
 use crate::settings::{Settings, SpecularOcclusion};
@@ -117,6 +117,10 @@ impl Renderer {
         let layouts = &self.layouts;
         let drawn = targets.drawn;
         let (opaque, masked) = (&draws.opaque, &draws.masked);
+        let diagonal = scene_diagonal(package);
+        // Before this frame's number was counted.
+        let frame_index = self.frame_index.wrapping_sub(1);
+        let ao_history = targets.ao.is_some_and(|ao| self.graph.has_history(ao.ao));
         let mut frame = self.graph.begin(commands, Some((targets.output, target)));
 
         if let Some(depth) = &passes.depth {
@@ -141,11 +145,53 @@ impl Renderer {
                 resolve.record(commands, layouts, parity, extent);
             });
         }
+        if let (Some(gtao), Some(ao)) = (&passes.gtao, targets.ao) {
+            let push = gtao::Push::new(&settings.ao, diagonal, frame_index);
+            frame.pass(c"gtao", &gtao::uses(targets, ao), |commands, _| {
+                commands.push_constants(layouts, &push);
+                gtao.record(commands, layouts, parity, extent);
+            });
+        }
+        if let (Some(spatial), Some(ao)) = (&passes.ao_spatial, targets.ao) {
+            let push = ao_spatial::Push::new(&settings.ao);
+            frame.pass(
+                c"ao spatial",
+                &ao_spatial::uses(targets, ao),
+                |commands, _| {
+                    commands.push_constants(layouts, &push);
+                    spatial.record(commands, layouts, parity, extent);
+                },
+            );
+        }
+        if let (Some(temporal), Some(ao)) = (&passes.ao_temporal, targets.ao) {
+            let push = ao_temporal::Push::new(&settings.ao, ao_history);
+            frame.pass(
+                c"ao temporal",
+                &ao_temporal::uses(targets, ao),
+                |commands, _| {
+                    commands.push_constants(layouts, &push);
+                    temporal.record(commands, layouts, parity, extent);
+                },
+            );
+        }
+        if let (Some(contact), Some(mask)) = (&passes.contact, targets.contact) {
+            let push = contact::Push::new(&settings.contact, diagonal);
+            frame.pass(c"contact", &contact::uses(targets, mask), |commands, _| {
+                commands.push_constants(layouts, &push);
+                contact.record(commands, layouts, parity, extent);
+            });
+        }
         let depth_use = match passes.depth {
             Some(_) => Usage::Depth,
             None => Usage::DepthClear,
         };
-        let uses = [(drawn.hdr, Usage::ColorClear), (drawn.depth, depth_use)];
+        let mut uses = Uses::of(&[(drawn.hdr, Usage::ColorClear), (drawn.depth, depth_use)]);
+        for ao in targets.ao.iter() {
+            uses.push(ao.ao.current, Usage::Sampled(Stage::Fragment));
+        }
+        for mask in targets.contact.iter() {
+            uses.push(*mask, Usage::Sampled(Stage::Fragment));
+        }
         frame.pass(c"forward", &uses, |commands, images| {
             let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
             passes.forward.record(commands, hdr, depth, opaque, masked);
@@ -191,6 +237,26 @@ impl Renderer {
                 commands.copy_image_to_buffer(images.get(hdr), 0, 0, buffer, 0);
             },
         );
+    }
+
+    /// Copies ambient occlusion of the last `record`: two words a pixel, see `ao_texel.glsl`.
+    #[cfg(test)]
+    pub(crate) fn copy_ao(&mut self, commands: &mut Commands, buffer: &Buffer) {
+        let ao = self.targets.ao.expect("ambient occlusion is on").ao.current;
+        let mut frame = self.graph.begin(commands, None);
+        frame.pass(
+            c"copy ao",
+            &[(ao, Usage::CopySource)],
+            |commands, images| {
+                commands.copy_image_to_buffer(images.get(ao), 0, 0, buffer, 0);
+            },
+        );
+    }
+
+    /// What the frame is drawn by.
+    #[cfg(test)]
+    pub(crate) fn passes(&self) -> &Passes {
+        &self.passes
     }
 
     /// What the frame consists of.
@@ -239,6 +305,7 @@ impl Renderer {
         uniform.frame_index = self.frame_index;
         fill_scene(&mut uniform, scene);
         fill_settings(&mut uniform, settings);
+        uniform.feature_flags = feature_flags(&self.plan);
         self.previous_view_projection = Some(view_projection);
         self.frame_index = self.frame_index.wrapping_add(1);
 
@@ -334,6 +401,24 @@ fn visible_capacity(package: &Package) -> Result<u64, PlayerError> {
         )));
     }
     Ok(drawn)
+}
+
+/// What ran before surfaces are shaded.
+fn feature_flags(plan: &Plan) -> u32 {
+    let flag = |on: bool, bit| if on { bit } else { 0 };
+    flag(plan.ao.is_some(), FEATURE_AO) | flag(plan.contact, FEATURE_CONTACT_SHADOWS)
+}
+
+/// Of the scene's bounds, metres; 1 where it has no extent.
+fn scene_diagonal(package: &Package) -> f32 {
+    let bounds = &package.scene().bounds;
+    let vector = |value| Vec3::from(cairn_format::scene::natives(value));
+    let diagonal = (vector(&bounds.max) - vector(&bounds.min)).length();
+    if diagonal.is_finite() && diagonal > 0.0 {
+        diagonal
+    } else {
+        1.0
+    }
 }
 
 /// Matrices and exposure-free camera fields; the rest is neutral.

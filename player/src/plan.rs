@@ -12,6 +12,17 @@ use crate::settings::{LightSource, Prepass, Settings};
 /// Number of the debug view that shows how often pixels are shaded.
 const OVERDRAW_VIEW: u32 = 11;
 
+/// What the passes of ambient occlusion are compiled with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AoPlan {
+    /// Slices per pixel.
+    pub directions: u32,
+    /// Steps per side of a slice.
+    pub steps: u32,
+    /// Whether frames are joined.
+    pub temporal: bool,
+}
+
 /// The choices that pipelines and images depend on. A renderer is rebuilt where its plan changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
@@ -24,7 +35,7 @@ pub struct Plan {
     /// Whether the prepass also writes normals and roughness, because a pass reads them.
     pub normals: bool,
     /// Ground-truth ambient occlusion.
-    pub ao: bool,
+    pub ao: Option<AoPlan>,
     /// Contact shadows.
     pub contact: bool,
     /// The sky behind the scene.
@@ -82,7 +93,11 @@ impl Plan {
                 Prepass::Off => normals,
             },
             normals,
-            ao,
+            ao: ao.then(|| AoPlan {
+                directions: settings.ao.directions,
+                steps: settings.ao.steps,
+                temporal: settings.ao.temporal > 0.0,
+            }),
             contact,
             skybox: variant.environment && settings.skybox && !overdraw,
             overdraw,

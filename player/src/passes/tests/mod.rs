@@ -1,5 +1,7 @@
 //! Renders packages of a few triangles and compares pixels with what theory says.
 
+mod ambient;
+mod contact;
 mod corners;
 mod fixture;
 mod furnace;
@@ -8,6 +10,7 @@ mod output;
 mod prepass;
 mod punctual;
 mod renderer;
+mod screen;
 mod sky;
 mod surfaces;
 mod texture_transforms;
