@@ -6,6 +6,7 @@ use crate::camera::Camera;
 use crate::camera_file;
 use crate::error::PlayerError;
 use crate::gpu::GpuOptions;
+use crate::headless::trace::TraceOptions;
 use crate::settings::Settings;
 use crate::settings::flags::SettingFlags;
 use cairn_format::{Aabb, Package};
@@ -75,8 +76,8 @@ pub struct SweepArgs {
     /// Frames to measure of each level; 16 more are drawn before.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub frames: u32,
-    /// Picture to measure against: an uncompressed EXR of linear radiance, or a PNG. Supersampled raster where
-    /// absent.
+    /// Picture to measure against: an uncompressed EXR of linear radiance, or a PNG. Where absent, the path
+    /// tracer's, or supersampled raster.
     #[arg(long)]
     pub reference: Option<PathBuf>,
     /// Samples per pixel of that.
@@ -146,6 +147,9 @@ pub struct SceneArgs {
 pub struct ViewArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
+    /// Open the window without its panel; F1 shows it.
+    #[arg(long)]
+    pub no_panel: bool,
     /// Render without a window.
     #[arg(long)]
     pub headless: bool,
@@ -158,6 +162,31 @@ pub struct ViewArgs {
     /// Print one JSON line with device, times and counts.
     #[arg(long)]
     pub json: bool,
+    /// Path tracing (headless): samples per pixel.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    pub spp: Option<u32>,
+    /// Path tracing (headless): seconds.
+    #[arg(long, value_name = "SECONDS")]
+    pub time: Option<f64>,
+    /// Path tracing (headless): stop at this estimated relative error, such as 0.01.
+    #[arg(long, value_name = "ERROR")]
+    pub target_error: Option<f64>,
+    /// Path tracing (headless): count rays.
+    #[arg(long)]
+    pub count_rays: bool,
+}
+
+impl ViewArgs {
+    /// When path tracing ends.
+    pub fn trace(&self) -> TraceOptions {
+        TraceOptions {
+            samples: self.spp,
+            seconds: self.time,
+            target_error: self.target_error,
+            count_rays: self.count_rays,
+            ..TraceOptions::default()
+        }
+    }
 }
 
 const EXAMPLES: &str = "Examples:

@@ -1,24 +1,33 @@
 //! The frame: the ordered list of passes, and the per-frame data that they read.
 
-use cairn_format::gpu::{FEATURE_AO, FEATURE_CONTACT_SHADOWS, GlobalUniform, NO_TEXTURE};
+use cairn_format::gpu::{
+    DirectionalLight, FEATURE_AO, FEATURE_CONTACT_SHADOWS, FEATURE_SHADOWS, GlobalUniform,
+    NO_TEXTURE,
+};
 use cairn_format::{Frustum, Package, SectionKind};
-use glam::{Mat4, Vec3};
+use glam::Mat4;
 
 use crate::PlayerError;
 use crate::camera::Camera;
 use crate::draw::{DrawList, DrawStats};
 use crate::gpu::{
     Buffer, BufferDesc, Commands, DescriptorSet, FRAMES_IN_FLIGHT, FrameTarget, Gpu, GpuResult,
-    Layouts, Memory, SetIndex, vk,
+    ImageRef, Layouts, Memory, SetIndex, vk,
 };
 use crate::graph::{Graph, Stage, Usage, Uses};
+use crate::lights::Lights;
 use crate::passes::Passes;
 use crate::passes::depth::DepthImages;
+use crate::passes::shadow::{Casters, ShadowView};
 use crate::passes::{ao_spatial, ao_temporal, contact, gtao, resolve_color, resolve_surface};
-use crate::plan::Plan;
-use crate::scene::GpuScene;
-use crate::settings::{Settings, SpecularOcclusion};
+use crate::plan::{Plan, ShadowMap};
+use crate::scene::{self, GpuScene};
+use crate::settings::{Mode, Settings, SpecularOcclusion};
 use crate::targets::Targets;
+use crate::tracer::Tracer;
+
+/// Draws over the finished picture.
+pub type Overlay<'a> = &'a dyn Fn(&mut Commands, ImageRef<'_>);
 
 /// Draws packages into images of one format and size.
 pub struct Renderer {
@@ -29,8 +38,12 @@ pub struct Renderer {
     graph: Graph,
     targets: Targets,
     passes: Passes,
+    /// The path-traced frame, from its first use on.
+    tracer: Option<Tracer>,
     slots: Vec<Slot>,
     draws: DrawList,
+    lights: Lights,
+    shadow: ShadowView,
     previous_view_projection: Option<Mat4>,
     frame_index: u32,
 }
@@ -39,6 +52,9 @@ pub struct Renderer {
 struct Slot {
     uniform: Buffer,
     visible: Buffer,
+    /// Instances that cast shadows, of all cascades; absent without a shadow map.
+    casters: Option<Buffer>,
+    lights: Buffer,
     set: DescriptorSet,
 }
 
@@ -60,19 +76,25 @@ impl Renderer {
         let mut graph = Graph::new(extent);
         let targets = Targets::new(gpu, layouts, &mut graph, &plan)?;
         let capacity = visible_capacity(package)?;
-        let slots: GpuResult<Vec<Slot>> = (0..FRAMES_IN_FLIGHT)
+        let mut slots = (0..FRAMES_IN_FLIGHT)
             .map(|_| Slot::new(gpu, scene, capacity))
-            .collect();
+            .collect::<GpuResult<Vec<Slot>>>()?;
+        for slot in &mut slots {
+            slot.follow(gpu, &plan)?;
+        }
         Ok(Self {
             passes: Passes::new(gpu, layouts, &graph, &targets, &plan, target_format)?,
-            slots: slots?,
+            slots,
             gpu: gpu.clone(),
             layouts: layouts.clone(),
             target_format,
             plan,
             graph,
             targets,
+            tracer: None,
             draws: DrawList::default(),
+            lights: Lights::default(),
+            shadow: ShadowView::default(),
             previous_view_projection: None,
             frame_index: 0,
         })
@@ -84,16 +106,19 @@ impl Renderer {
     /// Failures of Vulkan.
     pub fn resize(&mut self, gpu: &Gpu, extent: [u32; 2]) -> Result<(), PlayerError> {
         self.graph.resize(gpu, extent)?;
+        if let Some(tracer) = &mut self.tracer {
+            tracer.resize(extent)?;
+        }
         self.targets.write(&self.layouts, &self.graph)?;
         self.passes
             .rebind(&self.layouts, &self.graph, &self.targets)?;
         Ok(())
     }
 
-    /// Records one frame into `target`, which has the renderer's extent.
+    /// As [`Renderer::record_under`], with nothing over the picture.
     ///
     /// # Errors
-    /// A package that changed on disk; failures of Vulkan.
+    /// As there.
     pub fn record(
         &mut self,
         commands: &mut Commands,
@@ -103,7 +128,29 @@ impl Renderer {
         settings: &Settings,
         target: FrameTarget<'_>,
     ) -> Result<(), PlayerError> {
+        self.record_under(commands, scene, package, camera, settings, target, None)
+    }
+
+    /// Records one frame into `target`, which has the renderer's extent; `overlay` then draws over the picture, as
+    /// an attachment that it keeps.
+    ///
+    /// # Errors
+    /// A package that changed on disk; failures of Vulkan.
+    #[allow(clippy::too_many_arguments)]
+    pub fn record_under(
+        &mut self,
+        commands: &mut Commands,
+        scene: &GpuScene,
+        package: &Package,
+        camera: &Camera,
+        settings: &Settings,
+        target: FrameTarget<'_>,
+        overlay: Option<Overlay<'_>>,
+    ) -> Result<(), PlayerError> {
         self.follow_settings(scene, package, settings)?;
+        if settings.mode == Mode::PathTrace && self.gpu.traces_rays() {
+            return self.record_traced(commands, scene, package, camera, settings, target);
+        }
         self.graph.advance();
         self.update(commands.slot(), scene, package, camera, settings)?;
         let (parity, extent) = (self.graph.parity(), self.graph.extent());
@@ -123,6 +170,21 @@ impl Renderer {
         let ao_history = targets.ao.is_some_and(|ao| self.graph.has_history(ao.ao));
         let mut frame = self.graph.begin(commands, Some((targets.output, target)));
 
+        let shadow = targets.shadow.as_ref().zip(slot.casters.as_ref());
+        if let (Some(pass), Some((target, casters))) = (&passes.shadow, shadow)
+            && self.shadow.is_stale()
+        {
+            let usage = if self.shadow.is_all_stale() {
+                Usage::DepthClear
+            } else {
+                Usage::Depth
+            };
+            let view = &self.shadow;
+            frame.pass(c"shadow", &[(target.map, usage)], |commands, images| {
+                pass.record(commands, layouts, images, target.map, view, casters);
+                commands.bind_vertex_buffer(1, &slot.visible, 0);
+            });
+        }
         if let Some(depth) = &passes.depth {
             let mut uses = Uses::of(&[(drawn.depth, Usage::DepthClear)]);
             for surface in drawn.surface.iter() {
@@ -192,6 +254,9 @@ impl Renderer {
         for mask in targets.contact.iter() {
             uses.push(*mask, Usage::Sampled(Stage::Fragment));
         }
+        if let Some(shadow) = &targets.shadow {
+            uses.push(shadow.map, Usage::Sampled(Stage::Fragment));
+        }
         frame.pass(c"forward", &uses, |commands, images| {
             let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
             passes.forward.record(commands, hdr, depth, opaque, masked);
@@ -203,6 +268,10 @@ impl Renderer {
         }
         let uses = [(drawn.hdr, Usage::Color), (drawn.depth, Usage::Depth)];
         if let Some(transparent) = &passes.transparent {
+            let mut uses = Uses::of(&uses);
+            if let Some(shadow) = &targets.shadow {
+                uses.push(shadow.map, Usage::Sampled(Stage::Fragment));
+            }
             frame.pass(c"transparent", &uses, |commands, images| {
                 let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
                 transparent.record(commands, hdr, depth, &draws.blend);
@@ -222,8 +291,46 @@ impl Renderer {
                 .tonemap
                 .record(commands, layouts, output, settings.tonemap);
         });
+        if let Some(overlay) = overlay {
+            let uses = [(targets.output, Usage::Color)];
+            frame.pass(c"ui", &uses, |commands, images| {
+                overlay(commands, images.get(targets.output));
+            });
+        }
         frame.finish();
         Ok(())
+    }
+
+    fn record_traced(
+        &mut self,
+        commands: &mut Commands,
+        scene: &GpuScene,
+        package: &Package,
+        camera: &Camera,
+        settings: &Settings,
+        target: FrameTarget<'_>,
+    ) -> Result<(), PlayerError> {
+        let (extent, surfaces) = (self.graph.extent(), self.plan.variant);
+        let mut tracer = match self.tracer.take() {
+            Some(tracer) => tracer,
+            None => {
+                let format = self.target_format;
+                let gpu = &self.gpu;
+                Tracer::new(gpu, scene, package, surfaces, format, extent, settings)?
+            }
+        };
+        let uniform = frame_uniform(camera, extent, scene, settings);
+        let samples = settings.path.samples_per_frame;
+        let recorded = tracer.record(
+            commands, scene, package, surfaces, &uniform, settings, samples, target,
+        );
+        self.tracer = Some(tracer);
+        recorded
+    }
+
+    /// Samples per pixel of the path-traced image, where there is one.
+    pub fn traced_samples(&self) -> Option<u32> {
+        self.tracer.as_ref().map(|tracer| tracer.progress().0)
     }
 
     /// Copies the HDR image that the last `record` drew: rows of RGBA half floats.
@@ -284,6 +391,10 @@ impl Renderer {
         let (gpu, layouts) = (&self.gpu, &self.layouts);
         let targets = Targets::new(gpu, layouts, &mut graph, &plan)?;
         self.passes = Passes::new(gpu, layouts, &graph, &targets, &plan, self.target_format)?;
+        for slot in &mut self.slots {
+            slot.follow(gpu, &plan)?;
+        }
+        self.shadow.forget();
         (self.graph, self.targets, self.plan) = (graph, targets, plan);
         Ok(())
     }
@@ -304,6 +415,8 @@ impl Renderer {
         uniform.prev_view_projection = previous.to_cols_array_2d();
         uniform.frame_index = self.frame_index;
         fill_scene(&mut uniform, scene);
+        scene.lights.choose(settings, &mut self.lights);
+        uniform.directional_light_count = self.lights.records.len() as u32;
         fill_settings(&mut uniform, settings);
         uniform.feature_flags = feature_flags(&self.plan);
         self.previous_view_projection = Some(view_projection);
@@ -320,6 +433,23 @@ impl Renderer {
             camera.position,
         );
         let slot = &mut self.slots[slot];
+        if let (Some(casters), Some(light)) = (&mut slot.casters, self.lights.shadowed) {
+            let [width, height] = extent.map(|size| size as f32);
+            let casting = Casters {
+                scene: scene::bounds(package),
+                groups,
+                bounds,
+                clusters,
+            };
+            let aspect = width / height;
+            self.shadow
+                .update(camera, aspect, light, &casting, &settings.shadow);
+            let (diameter, shadow) = (light.angular_diameter, &settings.shadow);
+            self.shadow.cascades.fill(&mut uniform, shadow, diameter);
+            uniform.feature_flags |= FEATURE_SHADOWS;
+            self.shadow.write(casters)?;
+        }
+        slot.lights.write(0, &self.lights.records)?;
         slot.uniform.write(0, &[uniform])?;
         slot.visible.write(0, &self.draws.visible)?;
         Ok(())
@@ -346,28 +476,37 @@ impl Slot {
                 memory: Memory::Upload,
             },
         )?;
+        let lights = Buffer::new(
+            gpu,
+            &BufferDesc {
+                name: "directional lights",
+                size: (scene.lights.capacity() * size_of::<DirectionalLight>()) as u64,
+                usage: vk::BufferUsageFlags::STORAGE_BUFFER,
+                memory: Memory::Upload,
+            },
+        )?;
         let mut set = scene.layouts.allocate(SetIndex::Frame, "frame")?;
-        set.write_buffer(0, &uniform)?;
-        set.write_buffer(1, &scene.lights)?;
-        set.write_buffer(2, &scene.materials)?;
-        set.write_buffer(3, &scene.instances)?;
-        if let Some(transforms) = &scene.texture_transforms {
-            set.write_buffer(9, transforms)?;
-        }
-        if let Some(colors) = &scene.vertex_colors {
-            set.write_buffer(10, colors)?;
-        }
-        if let Some(lights) = &scene.punctual_lights {
-            set.write_buffer(11, lights)?;
-        }
-        if let Some(extensions) = &scene.material_extensions {
-            set.write_buffer(12, extensions)?;
-        }
+        scene.bind(&mut set, &uniform, &lights)?;
         Ok(Self {
             uniform,
             visible,
+            casters: None,
+            lights,
             set,
         })
+    }
+
+    /// Makes or drops what only some plans need.
+    fn follow(&mut self, gpu: &Gpu, plan: &Plan) -> GpuResult<()> {
+        let desc = |map: ShadowMap| BufferDesc {
+            name: "shadow casters",
+            size: self.visible.size() * u64::from(map.cascades),
+            usage: vk::BufferUsageFlags::VERTEX_BUFFER,
+            memory: Memory::Upload,
+        };
+        let casters = plan.shadow.map(|map| Buffer::new(gpu, &desc(map)));
+        self.casters = casters.transpose()?;
+        Ok(())
     }
 }
 
@@ -411,14 +550,26 @@ fn feature_flags(plan: &Plan) -> u32 {
 
 /// Of the scene's bounds, metres; 1 where it has no extent.
 fn scene_diagonal(package: &Package) -> f32 {
-    let bounds = &package.scene().bounds;
-    let vector = |value| Vec3::from(cairn_format::scene::natives(value));
-    let diagonal = (vector(&bounds.max) - vector(&bounds.min)).length();
+    let diagonal = scene::bounds(package).diagonal();
     if diagonal.is_finite() && diagonal > 0.0 {
         diagonal
     } else {
         1.0
     }
+}
+
+/// The uniform of a frame without history.
+pub(crate) fn frame_uniform(
+    camera: &Camera,
+    extent: [u32; 2],
+    scene: &GpuScene,
+    settings: &Settings,
+) -> GlobalUniform {
+    let mut uniform = camera_uniform(camera, extent);
+    uniform.prev_view_projection = uniform.view_projection;
+    fill_scene(&mut uniform, scene);
+    fill_settings(&mut uniform, settings);
+    uniform
 }
 
 /// Matrices and exposure-free camera fields; the rest is neutral.
@@ -442,7 +593,6 @@ fn camera_uniform(camera: &Camera, extent: [u32; 2]) -> GlobalUniform {
 fn fill_scene(uniform: &mut GlobalUniform, scene: &GpuScene) {
     let environment = scene.environment.as_ref();
     let slot = |index: Option<u32>| index.unwrap_or(NO_TEXTURE);
-    uniform.directional_light_count = scene.light_count;
     uniform.brdf_lut_index = slot(scene.brdf_lut_slot);
     uniform.skybox_cubemap_index = slot(environment.map(|slots| slots.sky));
     uniform.irradiance_cubemap_index = slot(environment.map(|slots| slots.irradiance));

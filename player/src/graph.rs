@@ -43,8 +43,8 @@ pub struct Target {
     pub samples: u32,
     /// Width and height; absent where it follows the graph's extent.
     pub extent: Option<[u32; 2]>,
-    /// Layers.
-    pub layers: u32,
+    /// Layers of an array; absent where it is none.
+    pub layers: Option<u32>,
 }
 
 impl Target {
@@ -56,7 +56,7 @@ impl Target {
             usage,
             samples: 1,
             extent: None,
-            layers: 1,
+            layers: None,
         }
     }
 }
@@ -323,8 +323,9 @@ fn create(gpu: &Gpu, target: &Target, extent: [u32; 2]) -> GpuResult<Image> {
         format: target.format,
         extent: target.extent.unwrap_or(extent),
         levels: 1,
-        layers: target.layers,
+        layers: target.layers.unwrap_or(1),
         cube: false,
+        array: target.layers.is_some(),
         samples: target.samples,
         usage: target.usage,
     };

@@ -1,5 +1,7 @@
 //! Renders a package without a window and reads the image back.
 
+pub mod trace;
+
 use std::ffi::CStr;
 use std::time::Instant;
 
@@ -14,7 +16,8 @@ use crate::gpu::{
     PassTime, Submission, Sync, vk,
 };
 use crate::scene::{GpuScene, SceneStats};
-use crate::settings::Settings;
+use crate::settings::{Mode, Settings};
+use trace::{TraceOptions, TraceStats, trace_on};
 
 /// Display-encoded output, which a shader encodes.
 const OUTPUT_FORMAT: vk::Format = vk::Format::R8G8B8A8_UNORM;
@@ -59,6 +62,10 @@ pub struct HeadlessImage {
     pub driver: String,
     /// Messages of the validation layer; empty where it is off or content.
     pub validation: Vec<String>,
+    /// What tracing cost, where the image was traced.
+    pub trace: Option<TraceStats>,
+    /// Albedo and normal of the first hit, where they were asked for.
+    pub guides: Option<[Vec<[f32; 4]>; 2]>,
 }
 
 /// A pass's median GPU time.
@@ -92,6 +99,26 @@ pub fn render(package: &Package, options: &HeadlessOptions) -> Result<HeadlessIm
     Ok(image)
 }
 
+/// As [`render`]; where the settings ask for path tracing, until one of `limits`.
+///
+/// # Errors
+/// As [`render`].
+pub fn render_traced(
+    package: &Package,
+    options: &HeadlessOptions,
+    limits: &TraceOptions,
+) -> Result<HeadlessImage, PlayerError> {
+    let gpu = Gpu::new(&options.gpu)?;
+    let traced = options.settings.mode == Mode::PathTrace && gpu.traces_rays();
+    let mut image = if traced {
+        trace_on(&gpu, package, options, limits)?
+    } else {
+        render_on(&gpu, package, options)?
+    };
+    image.validation = gpu.close();
+    Ok(image)
+}
+
 /// As [`render`], on a device that exists.
 ///
 /// # Errors
@@ -101,6 +128,15 @@ pub fn render_on(
     package: &Package,
     options: &HeadlessOptions,
 ) -> Result<HeadlessImage, PlayerError> {
+    if options.settings.mode == Mode::PathTrace {
+        if gpu.traces_rays() {
+            return trace_on(gpu, package, options, &TraceOptions::default());
+        }
+        eprintln!(
+            "{} cannot trace rays: rasterised instead",
+            gpu.device_name()
+        );
+    }
     if options.frames == 0 {
         return Err(PlayerError::Input("0 frames: at least 1 is needed".into()));
     }
@@ -125,6 +161,8 @@ pub fn render_on(
         device: gpu.device_name().to_owned(),
         driver: gpu.driver().to_owned(),
         validation: gpu.validation_messages(),
+        trace: None,
+        guides: None,
     })
 }
 
@@ -279,6 +317,7 @@ impl Output {
                 levels: 1,
                 layers: 1,
                 cube: false,
+                array: false,
                 samples: 1,
                 usage: vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::TRANSFER_SRC,
             },

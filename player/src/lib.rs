@@ -23,6 +23,7 @@ pub mod scene;
 pub mod settings;
 pub mod sweep;
 pub mod targets;
+pub mod tracer;
 pub mod user;
 #[cfg(feature = "window")]
 pub mod window;

@@ -31,6 +31,20 @@ struct Sun {
     angular_radius: f32,
 }
 
+/// The environment's sun as rays see it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SunDisc {
+    /// Unit, from the scene to the sun.
+    pub direction: [f32; 3],
+    /// Squared sine of the angular radius.
+    pub sin2: f32,
+    /// Radiance of the disc.
+    pub radiance: [f32; 3],
+}
+
+/// Least angular radius of a sun that rays can meet, radians.
+const MIN_SUN_RADIUS: f32 = 1e-4;
+
 /// The lights that shine in a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Lights {
@@ -111,6 +125,23 @@ impl SceneLights {
                 angular_diameter,
             }
         });
+    }
+
+    /// The environment's sun, where it is the light that shines.
+    pub fn sun_disc(&self, settings: &Settings) -> Option<SunDisc> {
+        let sun = self.sun.as_ref()?;
+        if self.source(settings.light.source) != LightSource::Sun {
+            return None;
+        }
+        let sine = sun.angular_radius.max(MIN_SUN_RADIUS).sin();
+        let record = sun.record(settings);
+        let [x, y, z, illuminance] = record.direction_and_intensity;
+        let radiance = illuminance / (std::f32::consts::PI * sine * sine);
+        Some(SunDisc {
+            direction: [-x, -y, -z],
+            sin2: sine * sine,
+            radiance: (sun.color * radiance).to_array(),
+        })
     }
 
     /// Resolves [`LightSource::Auto`].

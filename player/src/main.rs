@@ -11,9 +11,10 @@ use cairn_player::bench::BenchOptions;
 use cairn_player::compare::CompareOptions;
 use cairn_player::gpu::Gpu;
 use cairn_player::headless::{self, HeadlessImage, HeadlessOptions};
-use cairn_player::png;
+use cairn_player::metrics::Picture;
 use cairn_player::settings::Settings;
 use cairn_player::sweep::SweepOptions;
+use cairn_player::{exr, png};
 use clap::Parser;
 
 /// Exit code of a run that the validation layer had something to say about.
@@ -134,12 +135,19 @@ fn view(args: &ViewArgs) -> Outcome {
         camera: args.scene.camera(&package)?,
         settings: args.scene.settings(Settings::default())?,
         frames: args.frames.unwrap_or(1),
-        hdr: args.json,
+        hdr: args.json || args.out.as_deref().is_some_and(is_exr),
         gpu: args.scene.gpu(),
     };
-    let image = headless::render(&package, &options)?;
+    let image = headless::render_traced(&package, &options, &args.trace())?;
     if let Some(path) = &args.out {
-        png::write(path, image.width, image.height, &image.rgba8)?;
+        match &image.hdr {
+            Some(hdr) if is_exr(path) => {
+                let picture = Picture::from_rgba(image.width as usize, image.height as usize, hdr);
+                png::write_whole(path, &exr::encode(&picture))
+                    .map_err(|error| PlayerError::Input(format!("{}: {error}", path.display())))?;
+            }
+            _ => png::write(path, image.width, image.height, &image.rgba8)?,
+        }
     }
     if args.json {
         println!("{}", json(args, &package, &options, &image, open_ms));
@@ -147,6 +155,11 @@ fn view(args: &ViewArgs) -> Outcome {
         print!("{}", text(args, &image, open_ms));
     }
     Ok(image.validation)
+}
+
+/// Whether a picture goes into a file of linear floats.
+fn is_exr(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "exr")
 }
 
 fn json(
@@ -171,6 +184,7 @@ fn json(
         "upload": image.scene,
         "draws": image.draws,
         "passes": image.passes,
+        "trace": image.trace,
         "non_finite_texels": image.non_finite(),
         "validation_messages": image.validation,
     })
@@ -188,6 +202,19 @@ fn text(args: &ViewArgs, image: &HeadlessImage, open_ms: f64) -> String {
         "  {} draws, {} instances, {} triangles",
         draws.draws, draws.visible_instances, draws.triangles
     );
+    if let Some(trace) = &image.trace {
+        let _ = writeln!(
+            text,
+            "  {} samples in {:.3} s: {:.2} Msamples/s, estimated relative error {}, {} samples not finite",
+            trace.samples,
+            trace.seconds,
+            trace.megasamples_per_second,
+            trace
+                .relative_error
+                .map_or("unknown".into(), |error| format!("{error:.4}")),
+            trace.counters.non_finite
+        );
+    }
     for pass in &image.passes {
         let _ = writeln!(text, "  {:<16}{:>10.3} ms", pass.name, pass.milliseconds);
     }
@@ -205,12 +232,23 @@ fn text(args: &ViewArgs, image: &HeadlessImage, open_ms: f64) -> String {
 
 #[cfg(feature = "window")]
 fn show(args: &ViewArgs, package: &Package) -> Outcome {
+    use cairn_player::window::state::{State, file_of};
+    let file = file_of(&args.scene.package);
+    // What was kept is a convenience: damage to it must not keep a scene from being shown.
+    let kept = file.as_deref().map_or(Ok(State::default()), State::load);
+    let kept = kept.unwrap_or_else(|error| {
+        eprintln!("warning: {error}; starting with defaults");
+        State::default()
+    });
     let options = cairn_player::window::WindowOptions {
         size: [args.scene.size.0, args.scene.size.1],
         camera: args.scene.camera(package)?,
-        settings: args.scene.settings(Settings::default())?,
+        settings: args.scene.settings(kept.settings)?,
         frames: args.frames,
         gpu: args.scene.gpu(),
+        cameras: kept.cameras,
+        state: file,
+        panel: !args.no_panel,
     };
     cairn_player::window::run(package, &options)
 }

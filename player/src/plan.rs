@@ -4,6 +4,7 @@ use cairn_format::Package;
 use cairn_format::gpu::{ALPHA_BLEND, ALPHA_MASK, LOBE_CLEARCOAT, LOBE_SHEEN, LOBE_SPECULAR};
 
 use crate::PlayerError;
+use crate::cascade::MAX_CASCADES;
 use crate::gpu::Gpu;
 use crate::passes::Variant;
 use crate::scene::GpuScene;
@@ -42,6 +43,17 @@ pub struct Plan {
     pub skybox: bool,
     /// Counts the fragments that are shaded, without a prepass, instead of drawing them.
     pub overdraw: bool,
+    /// The shadow map of the first light that casts.
+    pub shadow: Option<ShadowMap>,
+}
+
+/// What a shadow map is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ShadowMap {
+    /// Texels of a side.
+    pub resolution: u32,
+    /// Layers.
+    pub cascades: u32,
 }
 
 impl Plan {
@@ -57,18 +69,24 @@ impl Plan {
     ) -> Result<Self, PlayerError> {
         let groups = package.draw_groups()?;
         let has = |mode: u32| groups.iter().any(|group| group.alpha_mode == mode);
+        let (lights, casts) = scene.lights.count(settings);
         let overdraw = settings.debug_view == OVERDRAW_VIEW;
         let drawn = !groups.is_empty() && !overdraw;
         let ao = drawn && settings.ao.enabled;
-        let contact = drawn && settings.contact.enabled && scene.light_count > 0;
+        let contact = drawn && settings.contact.enabled && lights > 0;
         let extensions = package.material_extensions()?;
+        let casters = groups.iter().any(|group| group.alpha_mode != ALPHA_BLEND);
+        let shadow = (drawn && settings.shadow.enabled && casts && casters).then(|| ShadowMap {
+            resolution: settings.shadow.resolution,
+            cascades: settings.shadow.cascades.clamp(1, MAX_CASCADES as u32),
+        });
         let has_lobe = |bit: u32| extensions.iter().any(|lobes| lobes.lobes & bit != 0);
         let variant = Variant {
             masked: has(ALPHA_MASK),
             blended: has(ALPHA_BLEND),
             environment: scene.environment.is_some(),
             brdf_lut: scene.brdf_lut_slot.is_some(),
-            lights: scene.light_count > 0,
+            lights: lights > 0,
             brdf: settings.brdf,
             vertex_colors: scene.vertex_colors.is_some(),
             texture_transforms: scene.texture_transforms.is_some(),
@@ -82,6 +100,7 @@ impl Plan {
             debug_view: settings.debug_view != 0,
             screen_occlusion: ao,
             contact_shadows: contact,
+            shadows: shadow.map(|_| settings.shadow.filter),
         };
         let normals = ao || contact;
         Ok(Self {
@@ -101,6 +120,7 @@ impl Plan {
             contact,
             skybox: variant.environment && settings.skybox && !overdraw,
             overdraw,
+            shadow,
         })
     }
 }

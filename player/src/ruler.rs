@@ -7,10 +7,11 @@ use cairn_format::Package;
 use crate::PlayerError;
 use crate::camera::Camera;
 use crate::exr;
-use crate::gpu::Gpu;
-use crate::headless::Session;
+use crate::gpu::{Gpu, GpuOptions};
+use crate::headless::trace::{TraceOptions, trace_on};
+use crate::headless::{HeadlessOptions, Session};
 use crate::metrics::Picture;
-use crate::settings::Settings;
+use crate::settings::{Mode, Settings};
 
 /// Frames that the temporal filters of a supersampled picture get to settle.
 const SETTLING: u32 = 8;
@@ -18,14 +19,24 @@ const SETTLING: u32 = 8;
 /// What a picture is measured against.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Ruler {
+    /// The path tracer with this many samples per pixel.
+    PathTraced(u32),
     /// The raster picture at this many times its width and height, averaged: measures aliasing and noise, not
     /// light transport.
     Supersampled(u32),
 }
 
 impl Ruler {
-    /// The best ruler of this device, with `samples` per pixel or fewer where the device has not the size.
+    /// The best ruler of this device: the path tracer where it traces rays.
     pub fn best(gpu: &Gpu, samples: u32, size: [u32; 2]) -> Self {
+        if gpu.traces_rays() {
+            return Self::PathTraced(samples.max(1));
+        }
+        Self::supersampled(gpu, samples, size)
+    }
+
+    /// The raster picture with `samples` per pixel, or fewer where the device has not the size.
+    pub fn supersampled(gpu: &Gpu, samples: u32, size: [u32; 2]) -> Self {
         let limit = gpu.limits().max_image_dimension2_d;
         let fits = |factor: &u32| size.iter().all(|side| side * factor <= limit);
         let wanted = samples.max(1).isqrt();
@@ -35,6 +46,7 @@ impl Ruler {
     /// Its name, with how many samples it takes.
     pub fn name(&self) -> String {
         match self {
+            Self::PathTraced(samples) => format!("path tracer ({samples} samples)"),
             Self::Supersampled(factor) => {
                 format!("supersampled raster ({} samples)", factor * factor)
             }
@@ -44,6 +56,7 @@ impl Ruler {
     /// What the ruler cannot measure, where there is such a thing.
     pub fn note(&self) -> Option<&'static str> {
         match self {
+            Self::PathTraced(_) => None,
             Self::Supersampled(_) => Some(
                 "not path traced: the reference is the raster picture with many samples per pixel, so the errors are \
                  those of aliasing and noise, not of light transport",
@@ -64,6 +77,7 @@ impl Ruler {
         settings: &Settings,
     ) -> Result<Picture, PlayerError> {
         match self {
+            Self::PathTraced(samples) => traced(gpu, package, size, camera, settings, *samples),
             Self::Supersampled(factor) => {
                 let large = size.map(|side| side * factor);
                 let picture = raster(gpu, package, large, camera, settings, SETTLING)?;
@@ -71,6 +85,40 @@ impl Ruler {
             }
         }
     }
+}
+
+fn traced(
+    gpu: &Gpu,
+    package: &Package,
+    size: [u32; 2],
+    camera: &Camera,
+    settings: &Settings,
+    samples: u32,
+) -> Result<Picture, PlayerError> {
+    let options = HeadlessOptions {
+        size,
+        camera: *camera,
+        settings: Settings {
+            mode: Mode::PathTrace,
+            ..settings.clone()
+        },
+        frames: 1,
+        hdr: true,
+        gpu: GpuOptions::default(),
+    };
+    let limits = TraceOptions {
+        samples: Some(samples),
+        ..TraceOptions::default()
+    };
+    let image = trace_on(gpu, package, &options, &limits)?;
+    let Some(radiance) = &image.hdr else {
+        panic!("radiance was asked for")
+    };
+    Ok(Picture::from_rgba(
+        size[0] as usize,
+        size[1] as usize,
+        radiance,
+    ))
 }
 
 /// Linear radiance of the last of `frames` raster frames.

@@ -2,24 +2,23 @@
 
 mod segments;
 mod textures;
+pub mod trace;
 
-use cairn_format::gpu::{DirectionalLight, Instance, Material};
-use cairn_format::{Error, Package, Part, SectionKind, Vertex, check};
+use cairn_format::gpu::{Instance, Material};
+use cairn_format::scene::natives;
+use cairn_format::{Aabb, Package, SectionKind, Vertex, check};
 
 use crate::PlayerError;
 use crate::gpu::{
     Buffer, BufferDesc, DescriptorSet, Gpu, GpuResult, Layouts, Memory, SetIndex, UploadStats,
     Uploader, vk,
 };
+use crate::lights::SceneLights;
 use segments::Segments;
 use textures::Textures;
 
 /// Bytes of the buffer that stands for a section the package does not have: at least one record of every kind.
 const DUMMY_BYTES: usize = 256;
-
-/// The light of a package that has neither lights nor an environment: white, from above and behind the viewer.
-const FALLBACK_DIRECTION: glam::Vec3 = glam::Vec3::new(-0.5, -1.0, -0.6);
-const FALLBACK_INTENSITY: f32 = 3.0;
 
 /// A package on the GPU. What the package does not have is not created.
 pub struct GpuScene {
@@ -31,8 +30,8 @@ pub struct GpuScene {
     pub instances: Buffer,
     /// Material records.
     pub materials: Buffer,
-    /// Directional light records.
-    pub lights: Buffer,
+    /// The directional lights to choose from.
+    pub lights: SceneLights,
     /// One colour per vertex of the arena; absent where the package has none.
     pub vertex_colors: Option<Buffer>,
     /// One record per 2D texture slot, the BRDF table's excepted; absent where all are the identity.
@@ -43,8 +42,6 @@ pub struct GpuScene {
     pub punctual_light_count: u32,
     /// Further lobes, one record per material; absent where no material has any.
     pub material_extensions: Option<Buffer>,
-    /// Records in `lights`, the fallback light included.
-    pub light_count: u32,
     /// Layouts for this package's number of textures.
     pub layouts: Layouts,
     /// Set 1, written.
@@ -118,7 +115,7 @@ impl GpuScene {
         let (vertices, indices) = geometry(&mut copy, package)?;
         let instances = instances(&mut copy, package)?;
         let materials = materials(&mut copy, package)?;
-        let (lights, light_count) = lights(&mut copy, package)?;
+        let lights = SceneLights::new(package)?;
         let vertex_colors = vertex_colors(&mut copy, package, vertices.is_some())?;
         let texture_transforms = texture_transforms(&mut copy, package)?;
         let punctual_lights = punctual_lights(&mut copy, package)?;
@@ -151,7 +148,6 @@ impl GpuScene {
             punctual_lights,
             punctual_light_count: package.count(SectionKind::PunctualLights) as u32,
             material_extensions,
-            light_count,
             layouts,
             bindless,
             brdf_lut_slot: textures::brdf_lut_slot(package),
@@ -161,9 +157,46 @@ impl GpuScene {
         })
     }
 
+    /// Writes the bindings of set 0 that hold this scene, a frame's uniform and its directional lights.
+    ///
+    /// # Errors
+    /// `Limit` where a buffer is larger than a shader may see.
+    pub fn bind(
+        &self,
+        set: &mut DescriptorSet,
+        uniform: &Buffer,
+        lights: &Buffer,
+    ) -> GpuResult<()> {
+        set.write_buffer(0, uniform)?;
+        set.write_buffer(1, lights)?;
+        set.write_buffer(2, &self.materials)?;
+        set.write_buffer(3, &self.instances)?;
+        let optional = [
+            (9, &self.texture_transforms),
+            (10, &self.vertex_colors),
+            (11, &self.punctual_lights),
+            (12, &self.material_extensions),
+        ];
+        for (binding, buffer) in optional {
+            if let Some(buffer) = buffer {
+                set.write_buffer(binding, buffer)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Whether the package has image-based light.
     pub fn has_environment(&self) -> bool {
         self.environment.is_some()
+    }
+}
+
+/// World bounds of everything that a package draws.
+pub fn bounds(package: &Package) -> Aabb {
+    let bounds = &package.scene().bounds;
+    Aabb {
+        min: natives(&bounds.min).into(),
+        max: natives(&bounds.max).into(),
     }
 }
 
@@ -256,15 +289,26 @@ fn geometry(copy: &mut Copy<'_>, package: &Package) -> Result<Geometry, PlayerEr
         let first = offset as usize / size_of::<Vertex>();
         Ok(check::vertices(bytemuck::cast_slice(bytes), first)?)
     };
-    let usage = vk::BufferUsageFlags::VERTEX_BUFFER;
+    let traced = traced_usage(copy.gpu);
+    let usage = vk::BufferUsageFlags::VERTEX_BUFFER | traced;
     let record = size_of::<Vertex>();
     let vertices = copy.buffer("vertices", usage, vertices, record, check_vertices)?;
     let mut segments = Segments::new(package);
     let check_indices =
         |bytes: &[u8], offset| Ok(segments.check(bytemuck::cast_slice(bytes), offset / 4)?);
-    let usage = vk::BufferUsageFlags::INDEX_BUFFER;
+    let usage = vk::BufferUsageFlags::INDEX_BUFFER | traced;
     let indices = copy.buffer("indices", usage, indices, 4, check_indices)?;
     Ok((Some(vertices), Some(indices)))
+}
+
+/// What acceleration structures ask of vertices and indices.
+fn traced_usage(gpu: &Gpu) -> vk::BufferUsageFlags {
+    if gpu.traces_rays() {
+        vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS
+            | vk::BufferUsageFlags::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR
+    } else {
+        vk::BufferUsageFlags::empty()
+    }
 }
 
 fn instances(copy: &mut Copy<'_>, package: &Package) -> Result<Buffer, PlayerError> {
@@ -284,26 +328,6 @@ fn materials(copy: &mut Copy<'_>, package: &Package) -> Result<Buffer, PlayerErr
         let records: &[Material] = bytemuck::cast_slice(bytes);
         Ok(check::materials(records, textures)?)
     })
-}
-
-/// Directional lights and their number.
-fn lights(copy: &mut Copy<'_>, package: &Package) -> Result<(Buffer, u32), PlayerError> {
-    let records = package.directional_lights()?;
-    let fallback = [fallback_light()];
-    let unlit = records.is_empty()
-        && package.punctual_lights()?.is_empty()
-        && package.scene().environment.is_none();
-    let records = if unlit { &fallback[..] } else { records };
-    let kind = SectionKind::DirectionalLights;
-    let buffer = copy.storage(kind, bytemuck::cast_slice(records), |bytes, offset| {
-        let values: &[f32] = bytemuck::cast_slice(bytes);
-        if values.iter().all(|value| value.is_finite()) {
-            return Ok(());
-        }
-        let what = "a light is not finite";
-        Err(Error::corrupt(Part::Section(kind), offset, what).into())
-    })?;
-    Ok((buffer, records.len() as u32))
 }
 
 /// Any bits are a colour, so nothing is checked; that the section has one for each vertex was when it was opened.
@@ -350,14 +374,6 @@ fn material_extensions(
             textures,
         )?)
     })
-}
-
-fn fallback_light() -> DirectionalLight {
-    let direction = FALLBACK_DIRECTION.normalize();
-    DirectionalLight {
-        direction_and_intensity: direction.extend(FALLBACK_INTENSITY).to_array(),
-        color_and_shadow: [1.0, 1.0, 1.0, 0.0],
-    }
 }
 
 fn buffer_stats(package: &Package) -> SceneStats {

@@ -21,6 +21,9 @@ pub mod table;
 use table::Kind::{Choice, Degrees, Integer, Number, OneOf, Switch};
 use table::{choice, group};
 
+/// Reach of ambient occlusion where none is set, as a share of the scene's diagonal.
+pub const AO_RADIUS_SHARE: f32 = 0.1;
+
 choice! {
     /// What draws the frame.
     pub enum Mode {
@@ -28,6 +31,16 @@ choice! {
         Raster = "raster",
         /// The path-traced reference, where the device can trace rays.
         PathTrace = "path-trace",
+    }
+}
+
+choice! {
+    /// Sample coordinates of the path tracer.
+    pub enum PathSampler {
+        /// Owen-scrambled Sobol points.
+        Owen = "owen",
+        /// Independent random numbers, what the others are measured against.
+        Independent = "independent",
     }
 }
 
@@ -143,7 +156,7 @@ group! {
         /// 0 splits the distance evenly, 1 logarithmically.
         lambda: f32 = 0.75, Number(0.0, 1.0);
         /// Depth bias per slope.
-        slope_bias: f32 = 1.5, Number(0.0, 16.0);
+        slope_bias: f32 = 0.5, Number(0.0, 16.0);
         /// Offset along the geometric normal, in shadow texels.
         normal_offset: f32 = 1.0, Number(0.0, 16.0);
         /// How edges are filtered.
@@ -214,6 +227,12 @@ group! {
         sample_emitters: bool = true, Switch;
         /// Samples per pixel in a frame.
         samples_per_frame: u32 = 1, Integer(1, 1024);
+        /// Where sample coordinates come from.
+        sampler: PathSampler = PathSampler::Owen, Choice(PathSampler::CHOICES);
+        /// Seed of the samples.
+        seed: u32 = 0, Integer(0, 0x7fff_ffff);
+        /// Texture levels follow the width of rays; otherwise the finest is read.
+        lod: bool = true, Switch;
     }
 }
 

@@ -40,7 +40,7 @@ pub struct SweepOptions {
     pub settings: Settings,
     /// Measured frames of each level.
     pub frames: u32,
-    /// A picture to measure against; supersampled raster where absent.
+    /// A picture to measure against; the device's best where absent: see [`Ruler::best`].
     pub reference: Option<PathBuf>,
     /// Samples per pixel of that.
     pub samples: u32,

@@ -4,7 +4,7 @@ use crate::gpu::vk::{Format, ImageUsageFlags};
 use crate::gpu::{DescriptorSet, Gpu, GpuResult, Layouts, Sampler, SamplerDesc, SetIndex};
 use crate::graph::{Graph, Handle, Pair, Target};
 use crate::passes::{DEPTH_FORMAT, HDR_FORMAT, NORMAL_FORMAT, ROUGHNESS_FORMAT};
-use crate::plan::Plan;
+use crate::plan::{Plan, ShadowMap};
 
 /// Depth of one sample per pixel where the depth image itself has several.
 const RESOLVED_DEPTH_FORMAT: Format = Format::R32_SFLOAT;
@@ -28,6 +28,8 @@ pub struct Targets {
     pub contact: Option<Handle>,
     /// What surfaces are drawn to.
     pub drawn: Drawn,
+    /// Light depth in reverse-Z, a layer per cascade.
+    pub shadow: Option<ShadowTarget>,
     /// The nearest texel, and between texels.
     pub samplers: Samplers,
     sets: [DescriptorSet; 2],
@@ -64,6 +66,13 @@ pub struct Drawn {
     pub hdr: Handle,
     pub depth: Handle,
     pub surface: Option<Surface>,
+}
+
+/// The shadow map, and how it is read.
+pub struct ShadowTarget {
+    pub map: Handle,
+    compare: Sampler,
+    depth: Sampler,
 }
 
 /// Samplers of the frame's images, clamped to the edge.
@@ -106,6 +115,7 @@ impl Targets {
                 surface,
             }
         };
+        let shadow = plan.shadow.map(|map| add_shadow(gpu, graph, map));
         let samplers = Samplers {
             nearest: Sampler::new(gpu, "nearest clamp", &SamplerDesc::NEAREST_CLAMP)?,
             linear: Sampler::new(gpu, "linear clamp", &SamplerDesc::LINEAR_CLAMP)?,
@@ -119,6 +129,7 @@ impl Targets {
             ao,
             contact,
             drawn,
+            shadow: shadow.transpose()?,
             samplers,
             sets: [set()?, set()?],
         };
@@ -149,6 +160,11 @@ impl Targets {
             }
             if let Some(mask) = self.contact {
                 set.write_image(4, 0, graph.owned_at(mask, parity), nearest);
+            }
+            if let Some(shadow) = &self.shadow {
+                let map = graph.owned_at(shadow.map, parity);
+                set.write_image(5, 0, map, &shadow.compare);
+                set.write_image(6, 0, map, &shadow.depth);
             }
             self.sets[parity] = set;
         }
@@ -192,6 +208,20 @@ fn add_surface(
     Ok(Surface {
         normal: add(normal, NORMAL_FORMAT)?,
         roughness: add(roughness, ROUGHNESS_FORMAT)?,
+    })
+}
+
+fn add_shadow(gpu: &Gpu, graph: &mut Graph, map: ShadowMap) -> GpuResult<ShadowTarget> {
+    let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT;
+    let target = Target {
+        extent: Some([map.resolution; 2]),
+        layers: Some(map.cascades),
+        ..Target::new("shadow map", DEPTH_FORMAT, usage)
+    };
+    Ok(ShadowTarget {
+        map: graph.image(gpu, target)?,
+        compare: Sampler::new(gpu, "shadow compare", &SamplerDesc::SHADOW_COMPARE)?,
+        depth: Sampler::new(gpu, "shadow depth", &SamplerDesc::SHADOW_DEPTH)?,
     })
 }
 

@@ -1,11 +1,14 @@
 //! Shows a package in a window that one flies through.
 
 mod fly;
+#[cfg(feature = "ui")]
+mod panel;
+pub mod state;
 
 use std::sync::Arc;
 use std::time::Instant;
 
-use cairn_format::{Aabb, Package};
+use cairn_format::Package;
 use winit::application::ApplicationHandler;
 use winit::dpi::PhysicalSize;
 use winit::event::{DeviceEvent, DeviceId, ElementState, MouseButton, WindowEvent};
@@ -18,9 +21,12 @@ use crate::camera::Camera;
 use crate::frame::Renderer;
 use crate::gpu::swapchain::{Acquired, Swapchain};
 use crate::gpu::{FrameTarget, Frames, Gpu, GpuError, GpuOptions, Sync, vk};
-use crate::scene::GpuScene;
+use crate::scene::{GpuScene, bounds};
 use crate::settings::Settings;
 use fly::Fly;
+#[cfg(feature = "ui")]
+use panel::{Panel, Statistics};
+use state::State;
 
 /// What to show.
 #[derive(Clone, Debug)]
@@ -35,6 +41,12 @@ pub struct WindowOptions {
     pub frames: Option<u32>,
     /// Device and validation.
     pub gpu: GpuOptions,
+    /// Bookmarks.
+    pub cameras: Vec<(String, Camera)>,
+    /// Where settings and bookmarks that were changed are kept; nowhere where absent.
+    pub state: Option<std::path::PathBuf>,
+    /// Whether the panel is shown at the beginning.
+    pub panel: bool,
 }
 
 /// Shows `package` until the window is closed, Escape is pressed, or `options.frames` frames were shown. Returns the
@@ -117,6 +129,12 @@ impl ApplicationHandler for Application<'_> {
     }
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        #[cfg(feature = "ui")]
+        if let Some(view) = &mut self.view
+            && view.panel.event(&view.window, &event)
+        {
+            return;
+        }
         match event {
             WindowEvent::CloseRequested | WindowEvent::Destroyed => event_loop.exit(),
             WindowEvent::RedrawRequested => self.redraw(event_loop),
@@ -164,13 +182,17 @@ impl ApplicationHandler for Application<'_> {
 /// A window and everything that draws into it. Fields are dropped in this order: users before what they use.
 struct View<'a> {
     renderer: Renderer,
+    #[cfg(feature = "ui")]
+    panel: Panel,
     scene: GpuScene,
     frames: Frames,
     swapchain: Swapchain,
     gpu: Gpu,
     window: Arc<Window>,
     package: &'a Package,
-    settings: &'a Settings,
+    options: &'a WindowOptions,
+    /// Settings and bookmarks now.
+    state: State,
     fly: Fly,
     /// The right mouse button is held.
     looking: bool,
@@ -181,6 +203,8 @@ struct View<'a> {
     outdated: bool,
     /// Frames presented.
     shown: u32,
+    /// Seconds between the last two frames.
+    step: f32,
     last: Instant,
 }
 
@@ -206,21 +230,34 @@ impl<'a> View<'a> {
         let scene = GpuScene::upload(&gpu, package)?;
         let (format, settings) = (swapchain.format(), &options.settings);
         let renderer = Renderer::new(&gpu, &scene, package, format, extent, settings)?;
+        #[cfg(feature = "ui")]
+        let panel = {
+            let mut panel = Panel::new(&gpu, &scene.layouts, format, &window)?;
+            panel.visible = options.panel;
+            panel
+        };
         Ok(Self {
             renderer,
+            #[cfg(feature = "ui")]
+            panel,
             scene,
             frames: Frames::new(&gpu)?,
             swapchain,
             gpu,
             window,
             package,
-            settings,
+            options,
+            state: State {
+                settings: settings.clone(),
+                cameras: options.cameras.clone(),
+            },
             fly: Fly::new(options.camera, bounds(package)),
             looking: false,
             occluded: false,
             size,
             outdated: !shown,
             shown: 0,
+            step: 0.0,
             last: Instant::now(),
         })
     }
@@ -230,6 +267,10 @@ impl<'a> View<'a> {
     }
 
     fn key(&mut self, key: KeyCode, pressed: bool) {
+        #[cfg(feature = "ui")]
+        if key == KeyCode::F1 && pressed {
+            self.panel.visible = !self.panel.visible;
+        }
         if key == KeyCode::KeyF && pressed {
             let [width, height] = self.size.map(|size| size.max(1) as f32);
             self.fly.frame(width / height);
@@ -275,7 +316,8 @@ impl<'a> View<'a> {
     /// Draws and presents a frame, unless there is no image to draw into.
     fn draw(&mut self) -> Result<(), PlayerError> {
         let now = Instant::now();
-        self.fly.step((now - self.last).as_secs_f32());
+        self.step = (now - self.last).as_secs_f32();
+        self.fly.step(self.step);
         self.last = now;
         if self.outdated && !self.rebuild()? {
             return Ok(());
@@ -294,14 +336,44 @@ impl<'a> View<'a> {
             final_layout: vk::ImageLayout::PRESENT_SRC_KHR,
             final_sync: Sync::NONE,
         };
-        let (scene, camera) = (&self.scene, self.fly.camera());
-        self.renderer.record(
+        #[cfg(feature = "ui")]
+        {
+            let statistics = Statistics {
+                draws: self.renderer.draw_stats(),
+                instances: self.package.count(cairn_format::SectionKind::Instances),
+                passes: self.frames.timings(),
+                uploaded: self.scene.stats.bytes,
+                seconds: self.step,
+            };
+            let (slot, extent) = (commands.slot(), self.swapchain.extent());
+            let (state, camera) = (&mut self.state, *self.fly.camera());
+            let window = &self.window;
+            let go = self
+                .panel
+                .update(slot, window, extent, state, &camera, &statistics)?;
+            if let Some(camera) = go {
+                self.fly.go(camera.with_near_for(bounds(self.package)));
+            }
+        }
+        #[cfg(feature = "ui")]
+        let panel = |commands: &mut crate::gpu::Commands, image: crate::gpu::ImageRef<'_>| {
+            self.panel.record(commands, image);
+        };
+        #[cfg(feature = "ui")]
+        let overlay: Option<crate::frame::Overlay<'_>> = self
+            .panel
+            .visible
+            .then_some(&panel as crate::frame::Overlay<'_>);
+        #[cfg(not(feature = "ui"))]
+        let overlay = None;
+        self.renderer.record_under(
             &mut commands,
-            scene,
+            &self.scene,
             self.package,
-            camera,
-            self.settings,
+            self.fly.camera(),
+            &self.state.settings,
             target,
+            overlay,
         )?;
         self.window.pre_present_notify();
         let fits = self.swapchain.present(&mut self.frames, commands, index)?;
@@ -323,10 +395,25 @@ impl<'a> View<'a> {
         Ok(true)
     }
 
+    /// Keeps what was changed. That it cannot be kept is said, and stops nothing.
+    fn keep(&self) {
+        let Some(file) = &self.options.state else {
+            return;
+        };
+        let unchanged = self.state.settings == self.options.settings
+            && self.state.cameras == self.options.cameras;
+        if !unchanged && let Err(error) = self.state.save(file) {
+            eprintln!("warning: {error}");
+        }
+    }
+
     /// Destroys everything in order; the messages include those about what was left behind.
     fn close(self) -> Vec<String> {
+        self.keep();
         let Self {
             renderer,
+            #[cfg(feature = "ui")]
+            panel,
             scene,
             frames,
             swapchain,
@@ -335,21 +422,14 @@ impl<'a> View<'a> {
             ..
         } = self;
         drop(renderer);
+        #[cfg(feature = "ui")]
+        drop(panel);
         drop(scene);
         drop(frames);
         drop(swapchain);
         let messages = gpu.close();
         drop(window);
         messages
-    }
-}
-
-fn bounds(package: &Package) -> Aabb {
-    let bounds = &package.scene().bounds;
-    let vector = |value| glam::Vec3::from(cairn_format::scene::natives(value));
-    Aabb {
-        min: vector(&bounds.min),
-        max: vector(&bounds.max),
     }
 }
 

@@ -278,6 +278,19 @@ fn compare_and_sweep_write_whole_reports() {
     let json = std::fs::read(out.join("compare.json")).expect("a report");
     let json: serde_json::Value = serde_json::from_slice(&json).expect("JSON");
     assert_eq!(json["rows"].as_array().map(Vec::len), Some(5));
+    let traces = cairn_player::gpu::Gpu::new(&cairn_player::gpu::GpuOptions::default())
+        .is_ok_and(|gpu| gpu.traces_rays());
+    let reference = if traces {
+        "path tracer"
+    } else {
+        "supersampled"
+    };
+    assert!(
+        json["reference"]
+            .as_str()
+            .is_some_and(|name| name.starts_with(reference))
+    );
+    assert_eq!(json["note"].is_null(), traces);
     // Nothing is black in every way of drawing it.
     assert_eq!(
         (&json["rows"][0]["rmse"], &json["rows"][0]["flip"]),

@@ -28,5 +28,10 @@ layout(constant_id = 12) const bool DEBUG_VIEW = false;
 // Ambient occlusion and contact shadows of the screen are there.
 layout(constant_id = 13) const bool SCREEN_OCCLUSION = false;
 layout(constant_id = 14) const bool CONTACT_SHADOWS = false;
+// Filter of the shadow map: one of the SHADOWS_* numbers.
+const uint SHADOWS_NONE = 0;
+const uint SHADOWS_PCF = 1;
+const uint SHADOWS_PCSS = 2;
+layout(constant_id = 15) const uint SHADOWS = SHADOWS_NONE;
 
 #endif

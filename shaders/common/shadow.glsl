@@ -7,22 +7,18 @@
 
 #include "bindings.glsl"
 #include "constants.glsl"
+#include "options.glsl"
 
 // Compares by GREATER_OR_EQUAL with linear filtering; outside of the map all is lit.
 layout(set = 2, binding = 5) uniform sampler2DArrayShadow shadow_map;
 // The same image, unfiltered.
 layout(set = 2, binding = 6) uniform sampler2DArray shadow_depth;
 
-const uint SHADOWS_NONE = 0;
-const uint SHADOWS_PCF = 1;
-const uint SHADOWS_PCSS = 2;
-// How this pipeline filters shadows.
-layout(constant_id = 16) const uint SHADOWS = SHADOWS_NONE;
-
 // Tangent of the angle to the light up to which a kernel follows the receiver's plane. Steeper, it would reach under
 // what stands on the plane and leak light; the rest is made up by a longer normal offset.
-const float PCF_MAX_SLOPE = 4.0;
-// PCSS follows the plane down to one degree: its kernel is the light's own cone.
+const float PCF_MAX_SLOPE = 1.0;
+// PCSS follows the plane down to one degree, as its kernel is the light's own cone, but at most half the way to the
+// blockers.
 const float PCSS_MAX_SLOPE = 57.0;
 // Rounding of a position's way to light depth, relative to the magnitudes involved.
 const float ROUNDING = 1e-6;
@@ -89,14 +85,14 @@ Receiver shadow_receiver(uint cascade, vec3 position, vec3 normal, float kernel,
     return Receiver(clip.xy * 0.5 + 0.5, min(clip.z + rounding, 1.0), slope * width * inverse_range);
 }
 
-// Depth to compare with at `offset` from the receiver. What lies under the receiver's plane cannot shadow it, nor can
-// what is farther from the light than the receiver itself.
-float reference_depth(Receiver r, vec2 offset) {
-    return r.depth + max(dot(r.slope, offset), 0.0);
+// Depth to compare with at `offset` from the receiver, at most `most` above the receiver's. What lies under the
+// receiver's plane cannot shadow it, nor can what is farther from the light than the receiver itself.
+float reference_depth(Receiver r, vec2 offset, float most) {
+    return r.depth + clamp(dot(r.slope, offset), 0.0, most);
 }
 
-float lit_at(uint cascade, Receiver r, vec2 uv) {
-    float depth = min(reference_depth(r, uv - r.uv), 1.0);
+float lit_at(uint cascade, Receiver r, vec2 uv, float most) {
+    float depth = min(reference_depth(r, uv - r.uv, most), 1.0);
     return texture(shadow_map, vec4(uv, float(cascade), depth));
 }
 
@@ -114,7 +110,7 @@ float pcf(uint cascade, Receiver r, int radius) {
             vec2 far_weight = mix(vec2(1.0), f, equal(pair, ivec2(radius)));
             vec2 weight = near_weight + far_weight;
             vec2 texel = first + vec2(2 * pair - radius) + far_weight / weight + 0.5;
-            sum += weight.x * weight.y * lit_at(cascade, r, texel * global.shadow_texel_size);
+            sum += weight.x * weight.y * lit_at(cascade, r, texel * global.shadow_texel_size, 1.0);
         }
     }
     float side = float(2 * radius + 1);
@@ -133,7 +129,7 @@ float pcss(uint cascade, Receiver r) {
     for (uint i = 0; i < count; ++i) {
         vec2 offset = disc_point(i, count, rotation) * search;
         float depth = textureLod(shadow_depth, vec3(r.uv + offset, float(cascade)), 0.0).r;
-        if (depth > reference_depth(r, offset)) {
+        if (depth > reference_depth(r, offset, 1.0)) {
             sum += depth;
             ++blockers;
         }
@@ -149,7 +145,7 @@ float pcss(uint cascade, Receiver r) {
     float lit = 0.0;
     count = global.pcss_pcf_samples;
     for (uint i = 0; i < count; ++i) {
-        lit += lit_at(cascade, r, r.uv + disc_point(i, count, rotation) * radius);
+        lit += lit_at(cascade, r, r.uv + disc_point(i, count, rotation) * radius, 0.5 * distance);
     }
     return lit / float(count);
 }

@@ -21,6 +21,11 @@ layout(set = 0, binding = 8, scalar) readonly buffer EmissiveAliasBuffer {
     EmissiveAliasEntry emissive_entries[];
 };
 
+// Of the importance table: cumulative shares of its rows, then for each row those of its cells.
+layout(set = 3, binding = 9, scalar) readonly buffer EnvDistributionBuffer {
+    float env_distribution[];
+};
+
 const float FAR = 1e30;
 
 // A proposal to be tested for visibility.
@@ -57,21 +62,36 @@ float environment_pdf(vec3 direction) {
     return env_entries[cell.y * size.x + cell.x].luminance / env_header.total_luminance;
 }
 
-LightSample sample_environment(uint choice, vec2 u) {
-    uint count = env_header.entry_count;
-    uint cell, keep;
-    umulExtended(choice, count, cell, keep);
-    EnvAliasEntry entry = env_entries[cell];
-    if (float(keep >> 8) * (1.0 / 16777216.0) >= entry.prob) {
-        cell = entry.alias_index;
+// First entry of a run of the ascending distribution that exceeds `u`; how far `u` is in its step goes to `u` itself.
+uint invert(uint first, uint count, inout float u) {
+    uint low = 0u, high = count - 1u;
+    while (low < high) {
+        uint middle = (low + high) >> 1;
+        if (env_distribution[first + middle] > u) {
+            high = middle;
+        } else {
+            low = middle + 1u;
+        }
     }
-    uvec2 place = uvec2(cell % env_header.width, cell / env_header.width);
-    vec2 size = vec2(env_header.width, env_header.height);
-    float phi = ((float(place.x) + u.x) / size.x - 0.5) * 2.0 * PI;
-    float y = mix(cos(float(place.y) / size.y * PI), cos(float(place.y + 1u) / size.y * PI), u.y);
+    float below = low > 0u ? env_distribution[first + low - 1u] : 0.0;
+    u = clamp((u - below) / max(env_distribution[first + low] - below, 1e-30), 0.0, 1.0);
+    return low;
+}
+
+// Inverts the distribution of rows, then of the row's cells: unlike the alias table's, this map keeps neighbouring
+// points neighbours, and with it the evenness of the sampler's.
+LightSample sample_environment(vec2 u) {
+    uvec2 count = uvec2(env_header.width, env_header.height);
+    uint row = invert(0u, count.y, u.y);
+    uint column = invert(count.y + row * count.x, count.x, u.x);
+    float phi = ((float(column) + u.x) / float(count.x) - 0.5) * 2.0 * PI;
+    float top = cos(float(row) / float(count.y) * PI);
+    float bottom = cos(float(row + 1u) / float(count.y) * PI);
+    float y = mix(top, bottom, u.y);
     float radius = sqrt(max(1.0 - y * y, 0.0));
     vec3 l = from_environment(vec3(radius * cos(phi), y, radius * sin(phi)));
-    return LightSample(l, FAR, environment_radiance(l), environment_pdf(l));
+    float pdf = env_entries[row * count.x + column].luminance / env_header.total_luminance;
+    return LightSample(l, FAR, environment_radiance(l), pdf);
 }
 
 bool in_sun(vec3 direction) {

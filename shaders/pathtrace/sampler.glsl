@@ -7,9 +7,8 @@
 
 #include "path_options.glsl"
 
-// Leading bits of a coordinate in which pixels differ by a shift alone, so that the error of few samples is of high
-// frequency on the screen. Finer bits are scrambled for each pixel by itself.
-const uint SHARED_BITS = 6;
+// The group whose first sample follows a lattice over the screen: the directions of the first bounce.
+const uint LATTICE_GROUP = 1;
 
 // Wellons' lowbias32.
 uint hash(uint x) {
@@ -64,48 +63,45 @@ const uint SOBOL_FOURTH[32] = uint[32](
 
 struct Sampler {
     uint index;
-    uint seed;
-    // Hash of the pixel.
+    // Hash of the pixel and the run's seed.
     uint pixel;
-    // The pixel's shift of even and odd coordinates: generators of Roberts's R2 sequence (2018).
-    uvec2 lattice;
+    uvec2 place;
 };
 
 Sampler make_sampler(uvec2 pixel, uint seed) {
-    Sampler s;
-    s.index = 0u;
-    s.seed = hash(seed + 1u);
-    s.pixel = hash_combine(hash(pixel.x | pixel.y << 16), seed);
-    s.lattice = uvec2(pixel.x * 3242174889u + pixel.y * 2447445414u, pixel.x * 2447445414u - pixel.y * 3242174889u);
-    return s;
+    return Sampler(0u, hash_combine(hash(pixel.x | pixel.y << 16), seed), pixel);
 }
 
-uint scrambled(Sampler s, uint value, uint shift, uint seed) {
-    uint coarse = owen(value, seed) ^ shift;
-    uint fine = owen(coarse, seed ^ s.pixel);
-    const uint kept = ~0u << (32u - SHARED_BITS);
-    return (coarse & kept) | (fine & ~kept);
-}
-
-// Four coordinates as fractions of 2^32.
-uvec4 sample_bits(Sampler s, uint group) {
-    uint seed = hash_combine(s.seed, group);
-    if (SAMPLER == 1u) {
-        uint x = hash_combine(hash_combine(s.pixel, seed), s.index);
-        return uvec4(x, hash(x + 0x68bc21ebu), hash(x + 0x02e5be93u), hash(x + 0x967a889bu));
-    }
-    // The first coordinate is the reversed index: shuffling the index is scrambling it.
-    uint first = laine_karras(bitfieldReverse(s.index), seed);
+// Four scrambled coordinates of one point. The first is the reversed index: shuffling the index is scrambling it.
+uvec4 owen_point(uint index, uint seed) {
+    uint first = laine_karras(bitfieldReverse(index), seed);
     uint third = 0u, fourth = 0u;
     for (int bit = 0; bit < 32; ++bit) {
         uint mask = uint(bitfieldExtract(int(first), 31 - bit, 1));
         third ^= SOBOL_THIRD[bit] & mask;
         fourth ^= SOBOL_FOURTH[bit] & mask;
     }
-    return uvec4(scrambled(s, first, s.lattice.x, hash(seed ^ 0x51633e2du)),
-                 scrambled(s, sobol_second(first), s.lattice.y, hash(seed ^ 0x68bc21ebu)),
-                 scrambled(s, third, s.lattice.x, hash(seed ^ 0x02e5be93u)),
-                 scrambled(s, fourth, s.lattice.y, hash(seed ^ 0x967a889bu)));
+    return uvec4(owen(first, hash(seed ^ 0x51633e2du)), owen(sobol_second(first), hash(seed ^ 0x68bc21ebu)),
+                 owen(third, hash(seed ^ 0x02e5be93u)), owen(fourth, hash(seed ^ 0x967a889bu)));
+}
+
+// Pixel coordinates times the generators of Roberts's R2 sequence (2018): each component is a lattice whose neighbours
+// differ much, so an error that follows it has high frequency.
+uvec4 lattice(uvec2 p) {
+    const uint a = 3242174889u, b = 2447445414u;
+    return uvec4(a * p.x + b * p.y, b * p.x - a * p.y, b * p.x + a * p.y, a * p.x - b * p.y);
+}
+
+// Four coordinates as fractions of 2^32.
+uvec4 sample_bits(Sampler s, uint group) {
+    uint seed = hash_combine(s.pixel, group);
+    if (SAMPLER == 1u) {
+        uint x = hash_combine(seed, s.index);
+        return uvec4(x, hash(x + 0x68bc21ebu), hash(x + 0x02e5be93u), hash(x + 0x967a889bu));
+    }
+    uvec4 point = owen_point(s.index, seed);
+    // A digital shift of scrambled points: they are as good, and the first lies on the lattice.
+    return group == LATTICE_GROUP ? point ^ owen_point(0u, seed) ^ lattice(s.place) : point;
 }
 
 // To [0, 1): 24 bits, as 32 would round up to 1.

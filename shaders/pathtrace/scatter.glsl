@@ -6,6 +6,8 @@
 
 // Least probability of a lobe that reflects anything.
 const float MIN_LOBE = 0.05;
+// The largest float below 1.
+const float ONE_LESS = 0.99999994;
 
 // Probabilities: the base's GGX lobe, the coat's; the rest goes to the cosine lobe, which also serves sheen.
 struct Lobes {
@@ -90,13 +92,18 @@ float scatter_pdf(Surface s, Lobes lobes, vec3 l) {
     return pdf;
 }
 
-vec3 sample_scatter(Surface s, Lobes lobes, float choice, vec2 u) {
-    if (choice < lobes.specular) {
+// The first coordinate also chooses the lobe: what it has left of its lobe's part is as even as before.
+vec3 sample_scatter(Surface s, Lobes lobes, vec2 u) {
+    if (u.x < lobes.specular) {
+        u.x = min(u.x / lobes.specular, ONE_LESS);
         return sample_visible(s.normal, s.view, light_alpha(s.roughness), u);
     }
-    if (HAS_CLEARCOAT && choice < lobes.specular + lobes.coat) {
+    u.x -= lobes.specular;
+    if (HAS_CLEARCOAT && u.x < lobes.coat) {
+        u.x = min(u.x / lobes.coat, ONE_LESS);
         return sample_visible(s.coat_normal, s.view, light_alpha(s.coat_roughness), u);
     }
+    u.x = min((u.x - lobes.coat) / max(1.0 - lobes.specular - lobes.coat, 1e-6), ONE_LESS);
     return sample_cosine(s.normal, u);
 }
 

@@ -253,6 +253,19 @@ impl Commands {
         };
     }
 
+    /// Sets the scissor to `[left, top, width, height]`.
+    pub fn set_scissor_at(&mut self, [x, y, width, height]: [u32; 4]) {
+        let scissor = vk::Rect2D {
+            offset: vk::Offset2D {
+                x: x as i32,
+                y: y as i32,
+            },
+            extent: vk::Extent2D { width, height },
+        };
+        // SAFETY: the command buffer is recording.
+        unsafe { self.shared.device.cmd_set_scissor(self.raw, 0, &[scissor]) };
+    }
+
     /// Sets which faces are dropped.
     pub fn set_cull_mode(&mut self, mode: vk::CullModeFlags) {
         // SAFETY: the command buffer is recording.

@@ -29,6 +29,8 @@ pub struct ImageDesc<'a> {
     pub layers: u32,
     /// Whether the view is a cube.
     pub cube: bool,
+    /// Whether the view is an array, of one layer too.
+    pub array: bool,
     /// Samples per texel: 1, 2, 4 or 8.
     pub samples: u32,
     /// What the GPU does with it.
@@ -139,7 +141,7 @@ impl Image {
             levels: desc.levels,
             layers: desc.layers,
         };
-        if desc.layers > 1 && desc.usage.intersects(ATTACHMENT) {
+        if desc.array && desc.usage.intersects(ATTACHMENT) {
             for layer in 0..desc.layers {
                 let view = create_layer_view(shared, raw, desc, layer)?;
                 shared.set_name(view, desc.name);
@@ -342,10 +344,10 @@ fn bind(shared: &Shared, raw: vk::Image, desc: &ImageDesc<'_>) -> GpuResult<Allo
 }
 
 fn create_view(shared: &Shared, raw: vk::Image, desc: &ImageDesc<'_>) -> GpuResult<vk::ImageView> {
-    let kind = match (desc.cube, desc.layers) {
+    let kind = match (desc.cube, desc.array) {
         (true, _) => vk::ImageViewType::CUBE,
-        (false, 1) => vk::ImageViewType::TYPE_2D,
-        (false, _) => vk::ImageViewType::TYPE_2D_ARRAY,
+        (false, false) => vk::ImageViewType::TYPE_2D,
+        (false, true) => vk::ImageViewType::TYPE_2D_ARRAY,
     };
     let info = vk::ImageViewCreateInfo::default()
         .image(raw)
@@ -408,10 +410,16 @@ impl SamplerDesc {
         anisotropy: false,
         compare: None,
     };
-    /// Linear mix of four comparisons in reverse-Z: lit where the reference is at least as near.
+    /// Linear mix of four comparisons in reverse-Z: lit where the reference is at least as near, and outside.
     pub const SHADOW_COMPARE: Self = Self {
         compare: Some(vk::CompareOp::GREATER_OR_EQUAL),
+        wrap: [vk::SamplerAddressMode::CLAMP_TO_BORDER; 2],
         ..Self::LINEAR_CLAMP
+    };
+    /// The nearest texel of level 0, and zero outside: infinitely far in reverse-Z.
+    pub const SHADOW_DEPTH: Self = Self {
+        wrap: [vk::SamplerAddressMode::CLAMP_TO_BORDER; 2],
+        ..Self::NEAREST_CLAMP
     };
     /// Linear in level 0, clamped to the edge.
     pub const LINEAR_CLAMP: Self = Self {
@@ -445,6 +453,7 @@ impl Sampler {
             .address_mode_u(desc.wrap[0])
             .address_mode_v(desc.wrap[1])
             .address_mode_w(vk::SamplerAddressMode::CLAMP_TO_EDGE)
+            .border_color(vk::BorderColor::FLOAT_TRANSPARENT_BLACK)
             .compare_enable(desc.compare.is_some())
             .compare_op(desc.compare.unwrap_or_default())
             .anisotropy_enable(desc.anisotropy && shared.anisotropy)

@@ -31,7 +31,12 @@ pub enum VertexInput {
     None,
     /// Binding 0: the package's vertices. Binding 1: one u32 per instance at location 5.
     Scene,
+    /// As `Scene`, without normals and tangents.
+    Casters,
 }
+
+/// Locations of positions and both texture coordinates.
+const CASTER_LOCATIONS: [u32; 3] = [0, 2, 4];
 
 /// How a fragment joins what the target holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -327,8 +332,10 @@ fn vertex_input(input: VertexInput) -> Input {
             input_rate: vk::VertexInputRate::INSTANCE,
         },
     ];
+    let read = |location: &u32| input == VertexInput::Scene || CASTER_LOCATIONS.contains(location);
     let mut attributes: Vec<_> = ATTRIBUTES
         .iter()
+        .filter(|attribute| read(&attribute.location))
         .map(|attribute| vk::VertexInputAttributeDescription {
             location: attribute.location,
             binding: 0,

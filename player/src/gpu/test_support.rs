@@ -28,3 +28,32 @@ pub(crate) fn close_clean(gpu: Gpu) {
     let messages = gpu.close();
     assert!(messages.is_empty(), "{messages:#?}");
 }
+
+/// Counts the allocations of each thread of the test program.
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
+}
+
+// SAFETY: everything is the system allocator's; the counter is a plain number that allocates nothing.
+unsafe impl std::alloc::GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: std::alloc::Layout) -> *mut u8 {
+        let _ = ALLOCATIONS.try_with(|count| count.set(count.get() + 1));
+        // SAFETY: the caller's promises are those of the system allocator.
+        unsafe { std::alloc::System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: std::alloc::Layout) {
+        // SAFETY: the pointer came from the system allocator with this layout.
+        unsafe { std::alloc::System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// How often this thread has allocated so far.
+pub(crate) fn allocations() -> u64 {
+    ALLOCATIONS.with(std::cell::Cell::get)
+}

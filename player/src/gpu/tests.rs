@@ -205,6 +205,7 @@ fn images_come_back_bit_exact() {
         levels: 1,
         layers: 1,
         cube: false,
+        array: false,
         samples: 1,
         usage,
     };
@@ -228,6 +229,7 @@ fn images_come_back_bit_exact() {
         levels: 7,
         layers: 6,
         cube: true,
+        array: false,
         samples: 1,
         ..desc
     };
@@ -246,6 +248,7 @@ fn an_impossible_image_is_a_typed_error() {
         levels: 1,
         layers: 1,
         cube: false,
+        array: false,
         samples: 1,
         usage: vk::ImageUsageFlags::SAMPLED,
     };
@@ -326,6 +329,7 @@ fn draw_triangle(gpu: &Gpu, clockwise: bool) -> (Vec<[u8; 4]>, Vec<PassTime>) {
             levels: 1,
             layers: 1,
             cube: false,
+            array: false,
             samples: 1,
             usage,
         };

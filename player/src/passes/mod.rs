@@ -7,11 +7,15 @@ pub mod contact;
 pub mod depth;
 pub mod forward;
 pub mod gtao;
+pub mod pathtrace;
 pub mod resolve_color;
 pub mod resolve_surface;
+pub mod shadow;
 pub mod skybox;
 pub mod tonemap;
 pub mod transparent;
+#[cfg(feature = "ui")]
+pub mod ui;
 
 #[cfg(test)]
 mod tests;
@@ -23,7 +27,7 @@ use crate::gpu::{
 };
 use crate::graph::Graph;
 use crate::plan::Plan;
-use crate::settings::Brdf;
+use crate::settings::{Brdf, ShadowFilter};
 use crate::targets::{AoImages, Targets};
 
 /// Linear radiance before exposure.
@@ -71,10 +75,13 @@ pub struct Variant {
     pub screen_occlusion: bool,
     /// Contact shadows of the screen are there.
     pub contact_shadows: bool,
+    /// Filter of the shadow map; absent without one.
+    pub shadows: Option<ShadowFilter>,
 }
 
 /// The passes of a plan; what it does not need is absent.
 pub struct Passes {
+    pub shadow: Option<shadow::Shadow>,
     pub depth: Option<depth::Depth>,
     pub resolve_surface: Option<compute::ComputePass>,
     pub gtao: Option<compute::ComputePass>,
@@ -102,6 +109,7 @@ impl Passes {
         target_format: vk::Format,
     ) -> GpuResult<Self> {
         let resolved = plan.samples > 1;
+        let shadow = plan.shadow.map(|_| shadow::Shadow::new(gpu, layouts, plan));
         let depth = plan.prepass.then(|| depth::Depth::new(gpu, layouts, plan));
         let resolve_surface = (resolved && plan.normals)
             .then(|| resolve_surface::new(gpu, layouts, graph, targets, plan));
@@ -123,6 +131,7 @@ impl Passes {
         let resolve_color =
             resolved.then(|| resolve_color::new(gpu, layouts, graph, targets, plan));
         Ok(Self {
+            shadow: shadow.transpose()?,
             depth: depth.transpose()?,
             resolve_surface: resolve_surface.transpose()?,
             gtao: gtao.transpose()?,
@@ -203,8 +212,17 @@ enum Alpha {
 }
 
 impl Variant {
+    /// Specialisation constants of ray-tracing stages.
+    fn traced_constants(&self) -> Vec<(u32, u32)> {
+        let opaque = Self {
+            debug_view: false,
+            ..*self
+        };
+        opaque.constants(Alpha::Ignored).to_vec()
+    }
+
     /// Specialisation constants of `forward.vert` and `forward.frag`: see `options.glsl`.
-    fn constants(&self, alpha: Alpha) -> [(u32, u32); 15] {
+    fn constants(&self, alpha: Alpha) -> [(u32, u32); 16] {
         let values = [
             alpha == Alpha::Cut,
             alpha == Alpha::Blended,
@@ -221,7 +239,13 @@ impl Variant {
         .map(u32::from);
         let rest = [self.debug_view, self.screen_occlusion, self.contact_shadows].map(u32::from);
         let lights = [self.punctual_lights];
-        let mut values = values.into_iter().chain(lights).chain(rest);
+        let shadows = match self.shadows {
+            None => 0,
+            Some(ShadowFilter::Pcf) => 1,
+            Some(ShadowFilter::Pcss) => 2,
+        };
+        let values = values.into_iter().chain(lights).chain(rest);
+        let mut values = values.chain([shadows]);
         std::array::from_fn(|id| (id as u32, values.next().unwrap_or_default()))
     }
 }

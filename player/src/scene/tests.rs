@@ -5,10 +5,11 @@ use cairn_format::scene::{
     Bounds, Environment, Image, ImageRole, Level, MaterialInfo, MipFilter, Primitive, Sampler,
     Scene, Texture, Wrap,
 };
-use cairn_format::{Package, SectionKind, TextureFormat, Vertex, Writer, bounds};
+use cairn_format::{Error, Package, Part, SectionKind, TextureFormat, Vertex, Writer, bounds};
 
 use super::*;
 use crate::gpu::test_support::{close_clean, gpu};
+use crate::settings::Settings;
 
 /// Sections of a package under construction.
 struct Parts {
@@ -143,7 +144,8 @@ fn a_package_of_nothing_gets_dummies_and_the_fallback_light() {
     let scene = GpuScene::upload(&gpu, &Parts::empty().package()).expect("uploads");
     assert!(scene.vertices.is_none() && scene.indices.is_none());
     assert!(!scene.has_environment() && scene.brdf_lut_slot.is_none());
-    assert_eq!(scene.light_count, 1);
+    let (lights, casts) = scene.lights.count(&Settings::default());
+    assert_eq!((lights, casts), (1, true));
     assert_eq!((scene.stats.images, scene.stats.samplers), (0, 0));
     drop(scene);
     close_clean(gpu);
@@ -200,7 +202,8 @@ fn every_part_of_a_package_gets_its_slot() {
     };
     assert_eq!(scene.environment, Some(slots));
     assert_eq!(
-        scene.light_count, 0,
+        scene.lights.count(&Settings::default()),
+        (0, false),
         "an environment replaces the fallback light"
     );
     assert_eq!((scene.stats.images, scene.stats.samplers), (13, 2));
@@ -272,7 +275,11 @@ fn an_instance_of_no_material_is_refused() {
 #[test]
 fn a_light_that_is_not_finite_is_refused() {
     let mut parts = Parts::triangle();
-    parts.lights = vec![fallback_light(), fallback_light()];
+    let light = DirectionalLight {
+        direction_and_intensity: [0.0, -1.0, 0.0, 3.0],
+        color_and_shadow: [1.0; 4],
+    };
+    parts.lights = vec![light; 2];
     parts.lights[1].color_and_shadow[0] = f32::INFINITY;
     refused(&parts, SectionKind::DirectionalLights);
 }
@@ -291,11 +298,4 @@ fn images_that_share_texels_are_refused() {
     let copy = parts.scene.images[0].clone();
     parts.scene.images.push(copy);
     refused(&parts, SectionKind::Texels);
-}
-
-#[test]
-fn the_fallback_light_has_a_unit_direction() {
-    let [x, y, z, intensity] = fallback_light().direction_and_intensity;
-    assert!((glam::Vec3::new(x, y, z).length() - 1.0).abs() < 1e-6 && y < 0.0);
-    assert_eq!(intensity, 3.0);
 }

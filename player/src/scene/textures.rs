@@ -155,6 +155,7 @@ fn upload_image(
             levels: image.levels.len() as u32,
             layers,
             cube: layers == 6,
+            array: false,
             samples: 1,
             usage: vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST,
         },

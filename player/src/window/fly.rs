@@ -47,6 +47,12 @@ impl Fly {
         }
     }
 
+    /// Jumps.
+    #[cfg(feature = "ui")]
+    pub(super) fn go(&mut self, camera: Camera) {
+        self.camera = camera;
+    }
+
     /// The camera now.
     pub(super) fn camera(&self) -> &Camera {
         &self.camera

@@ -72,6 +72,9 @@ fn a_window_survives_a_storm_of_sizes_and_leaves_nothing_behind() {
         camera: Camera::default(),
         settings: Settings::default(),
         frames: Some(FRAMES),
+        cameras: Vec::new(),
+        state: None,
+        panel: true,
         gpu: GpuOptions {
             validation: true,
             device: None,

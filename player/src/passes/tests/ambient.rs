@@ -241,7 +241,7 @@ fn a_corner_is_as_dark_as_its_form_factor() {
     println!(
         "corner: {count} pixels, mean error {mean}, worst {worst}, bent normal {lean} degrees"
     );
-    assert!(count > 200 && mean < 0.02 && worst < 0.08 && lean < 10.0);
+    assert!(count > 100 && mean < 0.02 && worst < 0.08 && lean < 10.0);
     closes(gpu);
 }
 

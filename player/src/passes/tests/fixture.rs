@@ -2,8 +2,9 @@
 
 use bytemuck::Zeroable;
 use cairn_format::gpu::{
-    DRAW_DOUBLE_SIDED, DRAW_MIRRORED, DirectionalLight, DrawGroup, Instance, MATERIAL_DOUBLE_SIDED,
-    MATERIAL_UNLIT, Material, MaterialExtension, PunctualLight, TextureTransform, VertexColor,
+    ALPHA_OPAQUE, DRAW_DOUBLE_SIDED, DRAW_MIRRORED, DirectionalLight, DrawGroup, Instance,
+    MATERIAL_DOUBLE_SIDED, MATERIAL_UNLIT, Material, MaterialExtension, PunctualLight,
+    TextureTransform, VertexColor,
 };
 use cairn_format::scene::{
     Bounds, Environment, Image, ImageRole, Level, MaterialInfo, Mesh, MipFilter, Primitive,
@@ -12,6 +13,7 @@ use cairn_format::scene::{
 use cairn_format::{Aabb, Package, SectionKind, TextureFormat, Vertex, Writer, bounds, features};
 use glam::{Mat3, Mat4, Vec3};
 
+use super::traced::{self, Traced};
 use super::twin;
 
 /// Texels per side of the BRDF table.
@@ -63,6 +65,8 @@ pub struct Fixture {
     /// Radiance of each level of a prefiltered cube of its own, largest level first.
     pub prefiltered: Vec<[f32; 3]>,
     pub lut: bool,
+    /// Radiance of the sky by direction, in place of the faces'; `environment` is there too.
+    pub gradient: Option<fn(Vec3) -> [f32; 3]>,
 }
 
 /// The object with one colour at all vertices.
@@ -151,6 +155,14 @@ pub fn light(direction: Vec3, color: [f32; 3], intensity: f32) -> DirectionalLig
     }
 }
 
+/// A light that casts shadows.
+pub fn casting(direction: Vec3) -> DirectionalLight {
+    DirectionalLight {
+        color_and_shadow: [1.0; 4],
+        ..light(direction, [1.0; 3], 3.0)
+    }
+}
+
 impl Fixture {
     /// The package.
     pub fn package(&self) -> Package {
@@ -159,6 +171,13 @@ impl Fixture {
         self.add_objects(&mut scene, &mut arenas);
         self.add_images(&mut scene, &mut arenas.texels);
         let arrays = bounds::to_arrays(&arenas.bounds);
+        if !arenas.bounds.is_empty() {
+            let all = arenas.bounds.iter().copied().fold(Aabb::EMPTY, Aabb::union);
+            scene.bounds = Bounds {
+                min: all.min.to_array(),
+                max: all.max.to_array(),
+            };
+        }
         let colored = self.objects.iter().any(|object| !object.colors.is_empty());
         if colored {
             scene.features |= features::VERTEX_COLORS;
@@ -180,6 +199,11 @@ impl Fixture {
         writer.records(SectionKind::VertexColors, &arenas.colors);
         writer.records(SectionKind::PunctualLights, &self.punctual);
         writer.records(SectionKind::MaterialExtensions, &self.lobes);
+        let traced = Traced::of(self);
+        writer.records(SectionKind::MeshInstances, &traced.mesh_instances);
+        writer.records(SectionKind::EmissiveTriangles, &traced.emissive_triangles);
+        writer.bytes(SectionKind::EmissiveAlias, traced.emissive_alias.as_slice());
+        writer.bytes(SectionKind::EnvAlias, traced.env_alias.as_slice());
         let bytes = writer.to_vec(&scene, "test").expect("fixture is written");
         let package = Package::from_bytes(&bytes).expect("fixture opens");
         package.verify().expect("fixture is sound");
@@ -202,7 +226,7 @@ impl Fixture {
                 first_index: arenas.indices.len() as u32,
                 index_count: object.indices.len() as u32,
                 traced_index_count: object.indices.len() as u32,
-                opaque: true,
+                opaque: self.materials[object.material as usize].alpha_mode == ALPHA_OPAQUE,
                 first_vertex: arenas.vertices.len() as u32,
                 vertex_count: object.vertices.len() as u32,
                 material: object.material,
@@ -263,7 +287,13 @@ impl Fixture {
                 .iter()
                 .flat_map(|face| halves([face[0], face[1], face[2], 1.0]))
                 .collect();
-            let cube = add_image(scene, texels, TextureFormat::Rgba16Float, [1, 1, 6], &bytes);
+            let format = TextureFormat::Rgba16Float;
+            let cube = add_image(scene, texels, format, [1, 1, 6], &bytes);
+            let sky = self.gradient.map(|sky| {
+                let bytes = traced::sky_texels(sky);
+                let size = [traced::SKY_SIZE, traced::SKY_SIZE, 6];
+                add_image(scene, texels, format, size, &bytes)
+            });
             let prefiltered = if self.prefiltered.is_empty() {
                 cube
             } else {
@@ -271,7 +301,7 @@ impl Fixture {
             };
             let levels = scene.images[prefiltered as usize].levels.len();
             scene.environment = Some(Environment {
-                sky: cube,
+                sky: sky.unwrap_or(cube),
                 irradiance: cube,
                 prefiltered,
                 prefiltered_roughness: (0..levels)
@@ -415,7 +445,7 @@ fn add_chain(scene: &mut Scene, texels: &mut Vec<u8>, levels: &[[f32; 3]]) -> u3
 }
 
 /// Normal positive half floats, rounded to nearest; smaller values become 0.
-fn halves(values: [f32; 4]) -> Vec<u8> {
+pub(super) fn halves(values: [f32; 4]) -> Vec<u8> {
     let half = |value: f32| -> u16 {
         assert!((0.0..=65504.0).contains(&value));
         if value < 6.2e-5 {

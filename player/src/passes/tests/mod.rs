@@ -1,5 +1,6 @@
 //! Renders packages of a few triangles and compares pixels with what theory says.
 
+mod allocations;
 mod ambient;
 mod contact;
 mod corners;
@@ -7,14 +8,17 @@ mod fixture;
 mod furnace;
 mod lighting;
 mod output;
+mod pathtrace;
 mod prepass;
 mod punctual;
 mod renderer;
 mod screen;
+mod shadows;
 mod sky;
 mod surfaces;
 mod texture_transforms;
 mod tonemap;
+mod traced;
 mod twin;
 mod variants;
 mod vertex_colors;

@@ -4,14 +4,14 @@ use cairn_format::Package;
 use cairn_format::gpu::{ALPHA_BLEND, Material};
 use glam::{Mat4, Vec3};
 
-use super::fixture::{Fixture, light, quad, sphere};
+use super::fixture::{Fixture, casting, light, quad, sphere};
 use super::{device, plain, towards_origin};
 use crate::frame::Renderer;
 use crate::gpu::{
     Buffer, BufferDesc, FrameTarget, Frames, Gpu, Image, ImageDesc, Memory, Sync, vk,
 };
 use crate::scene::GpuScene;
-use crate::settings::{Brdf, Settings};
+use crate::settings::{Brdf, LightSource, Settings, ShadowFilter};
 
 const FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
 
@@ -38,6 +38,7 @@ impl Stage<'_> {
                 levels: 1,
                 layers: 1,
                 cube: false,
+                array: false,
                 samples: 1,
                 usage: vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::SAMPLED,
             },
@@ -125,6 +126,62 @@ fn resizing_and_changing_settings_leave_no_trace() {
         images.push(found);
     }
     assert_ne!(images[1], images[3], "the BRDF setting shows");
+    drop((lasting, stage));
+    drop(scene);
+    assert_eq!(gpu.close(), Vec::<String>::new());
+}
+
+/// Maps of other sizes, other filters, other lights, and a way back: no layer keeps what is no longer true.
+#[test]
+fn changing_shadows_leaves_no_trace() {
+    let Some(gpu) = device() else { return };
+    let floor = Mat4::from_translation(-Vec3::Y)
+        * Mat4::from_rotation_x(-std::f32::consts::FRAC_PI_2)
+        * Mat4::from_scale(Vec3::splat(20.0));
+    let package = Fixture {
+        objects: vec![sphere(0, vec![Mat4::IDENTITY]), quad(0, vec![floor])],
+        materials: vec![Material::default()],
+        lights: vec![casting(Vec3::new(0.3, -1.0, -0.5))],
+        ..Fixture::default()
+    }
+    .package();
+    let scene = GpuScene::upload(&gpu, &package).expect("uploads");
+    let mut stage = Stage {
+        gpu: &gpu,
+        package: &package,
+        scene: &scene,
+        frames: Frames::new(&gpu).expect("frames"),
+    };
+    let mut settings = plain();
+    settings.shadow.enabled = true;
+    settings.shadow.resolution = 512;
+    let size = [24, 24];
+    let mut lasting = stage.renderer(size, &settings);
+    let changes: [fn(&mut Settings); 10] = [
+        |_| {},
+        |settings| settings.shadow.resolution = 1024,
+        |settings| settings.shadow.cascades = 1,
+        |settings| settings.shadow.filter = ShadowFilter::Pcss,
+        |settings| settings.shadow.enabled = false,
+        |settings| settings.shadow.enabled = true,
+        |settings| settings.light.source = LightSource::Fallback,
+        |settings| settings.light.yaw = 2.0,
+        |settings| settings.shadow.slope_bias = 0.0,
+        |settings| settings.shadow.cascades = 4,
+    ];
+    let mut images = Vec::new();
+    for (index, change) in changes.into_iter().enumerate() {
+        change(&mut settings);
+        let found = stage.draw(&mut lasting, size, &settings);
+        let mut fresh = stage.renderer(size, &settings);
+        assert!(
+            found == stage.draw(&mut fresh, size, &settings),
+            "change {index}"
+        );
+        images.push(found);
+    }
+    assert_ne!(images[3], images[4], "shadows show");
+    assert_ne!(images[6], images[7], "the light's angle shows");
     drop((lasting, stage));
     drop(scene);
     assert_eq!(gpu.close(), Vec::<String>::new());

@@ -68,6 +68,7 @@ impl<'a> Screen<'a> {
             levels: 1,
             layers: 1,
             cube: false,
+            array: false,
             samples: 1,
             usage: vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::SAMPLED,
         };

@@ -74,6 +74,7 @@ fn shown(gpu: &Gpu, package: &Package, format: vk::Format, settings: &Settings) 
         levels: 1,
         layers: 1,
         cube: false,
+        array: false,
         samples: 1,
         usage: usage | vk::ImageUsageFlags::TRANSFER_SRC,
     };

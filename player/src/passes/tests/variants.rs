@@ -70,9 +70,9 @@ fn variant(gpu: &Gpu, fixture: &Fixture) -> Variant {
 fn constants_follow_the_sections() {
     let Some(gpu) = device() else { return };
     for (fixture, expected) in [
-        (bare(), [0; 9]),
-        (with_colors(bare()), [1, 0, 0, 0, 0, 0, 0, 0, 0]),
-        (with_transforms(bare()), [0, 1, 0, 0, 0, 0, 0, 0, 0]),
+        (bare(), [0; 10]),
+        (with_colors(bare()), [1, 0, 0, 0, 0, 0, 0, 0, 0, 0]),
+        (with_transforms(bare()), [0, 1, 0, 0, 0, 0, 0, 0, 0, 0]),
     ] {
         let variant = variant(&gpu, &fixture);
         for alpha in [Alpha::Ignored, Alpha::Cut, Alpha::Blended] {
