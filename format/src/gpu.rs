@@ -359,7 +359,7 @@ gpu_record! {
 }
 
 gpu_record! {
-    /// One emissive triangle in world space: set 0, binding 7.
+    /// One emissive triangle in world space, its corners counter-clockwise seen from the front: set 0, binding 7.
     pub struct EmissiveTriangle: 96 {
         /// First corner.
         pub v0: [f32; 3] = 0,

@@ -126,7 +126,13 @@ impl Emitter<'_> {
             .collect()
     }
 
-    fn triangle(&self, corners: [u32; 3]) -> EmissiveTriangle {
+    /// Corners run counter-clockwise seen from the front: a mirroring transform turns them round.
+    fn triangle(&self, [first, second, third]: [u32; 3]) -> EmissiveTriangle {
+        let corners = if self.model.determinant() < 0.0 {
+            [first, third, second]
+        } else {
+            [first, second, third]
+        };
         let vertices = corners.map(|index| &self.vertices[index as usize]);
         let [a, b, c] = vertices.map(|vertex| {
             let position = DVec3::from(vertex.position.map(f64::from));

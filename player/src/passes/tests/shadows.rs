@@ -5,10 +5,11 @@ use cairn_format::gpu::{ALPHA_BLEND, ALPHA_MASK, Material};
 use glam::{DMat4, DVec3, Mat4, Quat, Vec3};
 
 use super::fixture::{Fixture, Object, casting, quad, row, sphere};
-use super::{device, plain, shoot};
+use super::{device, options, plain, shoot};
 use crate::camera::{Camera, Projection};
 use crate::cascade::Cascades;
 use crate::gpu::Gpu;
+use crate::headless::{HeadlessOptions, render_on};
 use crate::settings::{Prepass, Quality, Settings, ShadowFilter};
 
 const SIZE: [u32; 2] = [96, 96];
@@ -202,6 +203,10 @@ fn hard_shadows_agree_with_rays() {
         settings.shadow.pcf_radius = 0;
         let fixture = clutter(direction);
         let (wrong, dark) = contradictions(&gpu, &fixture, oblique(), direction, &settings);
+        eprintln!(
+            "{direction}: {:.2} % of the pixels contradict a ray",
+            wrong * 100.0
+        );
         assert!(dark > 0.02 && dark < 0.6, "{dark} in shadow");
         assert!(wrong < 0.01, "{direction}: {wrong} of the pixels are wrong");
     }
@@ -460,6 +465,7 @@ fn shadows_stand_still_under_camera_motion() {
     };
     for other in [turned(0.004), turned(0.05), moved] {
         let difference = shimmer(&gpu, [camera, other], [&soft, &soft]);
+        eprintln!("shimmer: {difference:.3} of 255");
         assert!(difference < 0.5, "{difference} of 255");
     }
     // The measure sees a grid that changes.
@@ -497,8 +503,27 @@ fn a_penumbra_is_as_wide_as_the_light() {
             let expected = 0.5 + (t * (1.0 - t * t).sqrt() + t.asin()) / std::f32::consts::PI;
             error += (mean - expected).abs() / columns as f32;
         }
+        eprintln!("{diameter} rad: mean error of the penumbra {error:.4}");
         assert!(error < 0.02, "{diameter} rad: mean error {error}");
     }
+}
+
+/// W-19: without a filter over time, what is drawn depends on no frame number.
+#[test]
+fn the_noise_stands_still() {
+    let Some(gpu) = device() else { return };
+    let package = clutter(Vec3::new(0.5, -1.0, -0.4)).package();
+    let mut settings = settings();
+    settings.shadow.filter = ShadowFilter::Pcss;
+    settings.shadow.angular_diameter = 0.1;
+    let after = |frames| {
+        let options = HeadlessOptions {
+            frames,
+            ..options(SIZE, oblique(), settings.clone())
+        };
+        render_on(&gpu, &package, &options).expect("renders").hdr
+    };
+    assert!(after(1) == after(6));
 }
 
 /// The shadow pass and map are there only where something casts.
