@@ -1,9 +1,6 @@
 //! The frame: the ordered list of passes, and the per-frame data that they read.
 
-use cairn_format::gpu::{
-    DirectionalLight, FEATURE_AO, FEATURE_CONTACT_SHADOWS, FEATURE_SHADOWS, GlobalUniform,
-    NO_TEXTURE,
-};
+use cairn_format::gpu::{DirectionalLight, FEATURE_SHADOWS, GlobalUniform, NO_TEXTURE};
 use cairn_format::{Frustum, Package, SectionKind};
 use glam::Mat4;
 
@@ -164,7 +161,7 @@ impl Renderer {
         let layouts = &self.layouts;
         let drawn = targets.drawn;
         let (opaque, masked) = (&draws.opaque, &draws.masked);
-        let diagonal = scene_diagonal(package);
+        let diagonal = scene::diagonal(package);
         // Before this frame's number was counted.
         let frame_index = self.frame_index.wrapping_sub(1);
         let ao_history = targets.ao.is_some_and(|ao| self.graph.has_history(ao.ao));
@@ -418,7 +415,7 @@ impl Renderer {
         scene.lights.choose(settings, &mut self.lights);
         uniform.directional_light_count = self.lights.records.len() as u32;
         fill_settings(&mut uniform, settings);
-        uniform.feature_flags = feature_flags(&self.plan);
+        uniform.feature_flags = self.plan.feature_flags();
         self.previous_view_projection = Some(view_projection);
         self.frame_index = self.frame_index.wrapping_add(1);
 
@@ -540,22 +537,6 @@ fn visible_capacity(package: &Package) -> Result<u64, PlayerError> {
         )));
     }
     Ok(drawn)
-}
-
-/// What ran before surfaces are shaded.
-fn feature_flags(plan: &Plan) -> u32 {
-    let flag = |on: bool, bit| if on { bit } else { 0 };
-    flag(plan.ao.is_some(), FEATURE_AO) | flag(plan.contact, FEATURE_CONTACT_SHADOWS)
-}
-
-/// Of the scene's bounds, metres; 1 where it has no extent.
-fn scene_diagonal(package: &Package) -> f32 {
-    let diagonal = scene::bounds(package).diagonal();
-    if diagonal.is_finite() && diagonal > 0.0 {
-        diagonal
-    } else {
-        1.0
-    }
 }
 
 /// The uniform of a frame without history.

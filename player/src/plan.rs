@@ -1,7 +1,10 @@
 //! What a frame consists of: the passes and images that a package and the settings ask for.
 
 use cairn_format::Package;
-use cairn_format::gpu::{ALPHA_BLEND, ALPHA_MASK, LOBE_CLEARCOAT, LOBE_SHEEN, LOBE_SPECULAR};
+use cairn_format::gpu::{
+    ALPHA_BLEND, ALPHA_MASK, FEATURE_AO, FEATURE_CONTACT_SHADOWS, LOBE_CLEARCOAT, LOBE_SHEEN,
+    LOBE_SPECULAR,
+};
 
 use crate::PlayerError;
 use crate::cascade::MAX_CASCADES;
@@ -112,7 +115,7 @@ impl Plan {
                 Prepass::Off => normals,
             },
             normals,
-            ao: ao.then(|| AoPlan {
+            ao: ao.then_some(AoPlan {
                 directions: settings.ao.directions,
                 steps: settings.ao.steps,
                 temporal: settings.ao.temporal > 0.0,
@@ -122,5 +125,11 @@ impl Plan {
             overdraw,
             shadow,
         })
+    }
+
+    /// Bits of `GlobalUniform::feature_flags`: what runs before surfaces are shaded, shadow maps excepted.
+    pub fn feature_flags(&self) -> u32 {
+        let flag = |on: bool, bit| if on { bit } else { 0 };
+        flag(self.ao.is_some(), FEATURE_AO) | flag(self.contact, FEATURE_CONTACT_SHADOWS)
     }
 }
