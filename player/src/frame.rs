@@ -9,14 +9,16 @@ use crate::camera::Camera;
 use crate::draw::{DrawList, DrawStats};
 use crate::gpu::{
     Buffer, BufferDesc, Commands, DescriptorSet, FRAMES_IN_FLIGHT, FrameTarget, Gpu, GpuResult,
-    ImageRef, Layouts, Memory, SetIndex, vk,
+    ImageRef, Layouts, Load, Memory, SetIndex, vk,
 };
-use crate::graph::{Graph, Stage, Usage, Uses};
+use crate::graph::{FrameGraph, Graph, Stage, Usage, Uses};
 use crate::lights::Lights;
 use crate::passes::Passes;
 use crate::passes::depth::DepthImages;
+use crate::passes::occlusion::{self, Surroundings};
+use crate::passes::shade::VisiblePush;
 use crate::passes::shadow::{Casters, ShadowView};
-use crate::passes::{ao_spatial, ao_temporal, contact, gtao, resolve_color, resolve_surface};
+use crate::passes::{resolve_color, resolve_surface, shade, surface};
 use crate::plan::{Plan, ShadowMap};
 use crate::scene::{self, GpuScene};
 use crate::settings::{Mode, Settings, SpecularOcclusion};
@@ -32,9 +34,9 @@ pub struct Renderer {
     layouts: Layouts,
     target_format: vk::Format,
     plan: Plan,
-    graph: Graph,
-    targets: Targets,
-    passes: Passes,
+    pub(crate) graph: Graph,
+    pub(crate) targets: Targets,
+    pub(crate) passes: Passes,
     /// The path-traced frame, from its first use on.
     tracer: Option<Tracer>,
     slots: Vec<Slot>,
@@ -161,10 +163,14 @@ impl Renderer {
         let layouts = &self.layouts;
         let drawn = targets.drawn;
         let (opaque, masked) = (&draws.opaque, &draws.masked);
-        let diagonal = scene::diagonal(package);
-        // Before this frame's number was counted.
-        let frame_index = self.frame_index.wrapping_sub(1);
-        let ao_history = targets.ao.is_some_and(|ao| self.graph.has_history(ao.ao));
+        let around = Surroundings {
+            diagonal: scene::diagonal(package),
+            // This frame's number: the counter is one ahead.
+            frame: self.frame_index.wrapping_sub(1),
+            history: targets.ao.is_some_and(|ao| self.graph.has_history(ao.ao)),
+            parity,
+            extent,
+        };
         let mut frame = self.graph.begin(commands, Some((targets.output, target)));
 
         let shadow = targets.shadow.as_ref().zip(slot.casters.as_ref());
@@ -198,81 +204,81 @@ impl Renderer {
                 depth.record(commands, images, opaque, masked);
             });
         }
+        if let (Some(visibility), Some(triangles)) = (&passes.visibility, targets.visibility) {
+            let uses = [
+                (triangles, Usage::ColorClear),
+                (drawn.depth, Usage::DepthClear),
+            ];
+            frame.pass(c"visibility", &uses, |commands, images| {
+                let (triangles, depth) = (images.get(triangles), images.get(drawn.depth));
+                visibility.record(commands, triangles, depth, opaque, masked);
+            });
+        }
+        let groups = scene.draw_group_count;
+        if let Some(pass) = &passes.surface {
+            let push = VisiblePush::new(groups, false);
+            frame.pass(c"surface", &surface::uses(targets), |commands, _| {
+                commands.push_constants(layouts, &push);
+                pass.record(commands, layouts, parity, extent);
+            });
+        }
         if let Some(resolve) = &passes.resolve_surface {
             let uses = resolve_surface::uses(targets);
             frame.pass(c"resolve surface", &uses, |commands, _| {
                 resolve.record(commands, layouts, parity, extent);
             });
         }
-        if let (Some(gtao), Some(ao)) = (&passes.gtao, targets.ao) {
-            let push = gtao::Push::new(&settings.ao, diagonal, frame_index);
-            frame.pass(c"gtao", &gtao::uses(targets, ao), |commands, _| {
-                commands.push_constants(layouts, &push);
-                gtao.record(commands, layouts, parity, extent);
+        // GTAO, its spatial and its temporal filter, contact shadows.
+        occlusion::record(&mut frame, passes, layouts, targets, settings, &around);
+        if let Some(forward) = &passes.forward {
+            let depth_use = match passes.depth {
+                Some(_) => Usage::Depth,
+                None => Usage::DepthClear,
+            };
+            let mut uses = Uses::of(&[(drawn.hdr, Usage::ColorClear), (drawn.depth, depth_use)]);
+            targets.add_lighting(&mut uses, Stage::Fragment);
+            frame.pass(c"forward", &uses, |commands, images| {
+                let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
+                forward.record(commands, hdr, depth, opaque, masked);
             });
         }
-        if let (Some(spatial), Some(ao)) = (&passes.ao_spatial, targets.ao) {
-            let push = ao_spatial::Push::new(&settings.ao);
-            frame.pass(
-                c"ao spatial",
-                &ao_spatial::uses(targets, ao),
-                |commands, _| {
-                    commands.push_constants(layouts, &push);
-                    spatial.record(commands, layouts, parity, extent);
-                },
-            );
-        }
-        if let (Some(temporal), Some(ao)) = (&passes.ao_temporal, targets.ao) {
-            let push = ao_temporal::Push::new(&settings.ao, ao_history);
-            frame.pass(
-                c"ao temporal",
-                &ao_temporal::uses(targets, ao),
-                |commands, _| {
-                    commands.push_constants(layouts, &push);
-                    temporal.record(commands, layouts, parity, extent);
-                },
-            );
-        }
-        if let (Some(contact), Some(mask)) = (&passes.contact, targets.contact) {
-            let push = contact::Push::new(&settings.contact, diagonal);
-            frame.pass(c"contact", &contact::uses(targets, mask), |commands, _| {
-                commands.push_constants(layouts, &push);
-                contact.record(commands, layouts, parity, extent);
-            });
-        }
-        let depth_use = match passes.depth {
-            Some(_) => Usage::Depth,
-            None => Usage::DepthClear,
-        };
-        let mut uses = Uses::of(&[(drawn.hdr, Usage::ColorClear), (drawn.depth, depth_use)]);
-        for ao in targets.ao.iter() {
-            uses.push(ao.ao.current, Usage::Sampled(Stage::Fragment));
-        }
-        for mask in targets.contact.iter() {
-            uses.push(*mask, Usage::Sampled(Stage::Fragment));
-        }
-        if let Some(shadow) = &targets.shadow {
-            uses.push(shadow.map, Usage::Sampled(Stage::Fragment));
-        }
-        frame.pass(c"forward", &uses, |commands, images| {
-            let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
-            passes.forward.record(commands, hdr, depth, opaque, masked);
-        });
         if let Some(skybox) = &passes.skybox {
             frame.pass(c"skybox", &skybox.uses(targets), |commands, images| {
                 skybox.record(commands, layouts, images, targets, parity);
             });
         }
-        let uses = [(drawn.hdr, Usage::Color), (drawn.depth, Usage::Depth)];
-        if let Some(transparent) = &passes.transparent {
-            let mut uses = Uses::of(&uses);
-            if let Some(shadow) = &targets.shadow {
-                uses.push(shadow.map, Usage::Sampled(Stage::Fragment));
-            }
+        // Several samples that are shaded in compute are blended into a layer, which shading then takes up.
+        let layers = self.plan.compute && self.plan.samples > 1;
+        let layered = layers && !draws.blend.is_empty();
+        let blend = |frame: &mut FrameGraph<'_>, load| {
+            let Some(transparent) = &passes.transparent else {
+                return;
+            };
+            let usage = match load {
+                Load::Keep => Usage::Color,
+                _ => Usage::ColorClear,
+            };
+            let mut uses = Uses::of(&[(drawn.hdr, usage), (drawn.depth, Usage::Depth)]);
+            targets.add_lighting(&mut uses, Stage::Fragment);
             frame.pass(c"transparent", &uses, |commands, images| {
                 let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
-                transparent.record(commands, hdr, depth, &draws.blend);
+                transparent.record(commands, hdr, depth, load, &draws.blend);
             });
+        };
+        if layered {
+            blend(&mut frame, Load::Clear([0.0; 4]));
+        }
+        if let Some(pass) = &passes.shade {
+            let push = VisiblePush::new(groups, layered);
+            let mut uses = shade::uses(targets, layered);
+            targets.add_lighting(&mut uses, Stage::Compute);
+            frame.pass(c"shade", &uses, |commands, _| {
+                commands.push_constants(layouts, &push);
+                pass.record(commands, layouts, parity, extent);
+            });
+        }
+        if !layers {
+            blend(&mut frame, Load::Keep);
         }
         if let Some(resolve) = &passes.resolve_color {
             let uses = resolve_color::uses(targets);
@@ -341,26 +347,6 @@ impl Renderer {
                 commands.copy_image_to_buffer(images.get(hdr), 0, 0, buffer, 0);
             },
         );
-    }
-
-    /// Copies ambient occlusion of the last `record`: two words a pixel, see `ao_texel.glsl`.
-    #[cfg(test)]
-    pub(crate) fn copy_ao(&mut self, commands: &mut Commands, buffer: &Buffer) {
-        let ao = self.targets.ao.expect("ambient occlusion is on").ao.current;
-        let mut frame = self.graph.begin(commands, None);
-        frame.pass(
-            c"copy ao",
-            &[(ao, Usage::CopySource)],
-            |commands, images| {
-                commands.copy_image_to_buffer(images.get(ao), 0, 0, buffer, 0);
-            },
-        );
-    }
-
-    /// What the frame is drawn by.
-    #[cfg(test)]
-    pub(crate) fn passes(&self) -> &Passes {
-        &self.passes
     }
 
     /// What the frame consists of.
@@ -484,6 +470,14 @@ impl Slot {
         )?;
         let mut set = scene.layouts.allocate(SetIndex::Frame, "frame")?;
         scene.bind(&mut set, &uniform, &lights)?;
+        let limit = u64::from(gpu.limits().max_storage_buffer_range);
+        let arenas = [&scene.vertices, &scene.indices, &scene.draw_groups];
+        for (binding, arena) in (13..).zip(arenas) {
+            // A plan shades in compute only where all three fit.
+            if let Some(arena) = arena.as_ref().filter(|arena| arena.size() <= limit) {
+                set.write_buffer(binding, arena)?;
+            }
+        }
         Ok(Self {
             uniform,
             visible,

@@ -11,7 +11,7 @@ use crate::cascade::MAX_CASCADES;
 use crate::gpu::Gpu;
 use crate::passes::Variant;
 use crate::scene::GpuScene;
-use crate::settings::{LightSource, Prepass, Settings};
+use crate::settings::{LightSource, Prepass, Settings, Shading};
 
 /// Number of the debug view that shows how often pixels are shaded.
 const OVERDRAW_VIEW: u32 = 11;
@@ -34,6 +34,8 @@ pub struct Plan {
     pub variant: Variant,
     /// Samples per pixel; what was asked for, or the most that the device has below it.
     pub samples: u32,
+    /// Whether surfaces are shaded in compute, from a target that holds which triangle is seen.
+    pub compute: bool,
     /// Whether depth is drawn before anything is shaded.
     pub prepass: bool,
     /// Whether the prepass also writes normals and roughness, because a pass reads them.
@@ -106,10 +108,16 @@ impl Plan {
             shadows: shadow.map(|_| settings.shadow.filter),
         };
         let normals = ao || contact;
+        let compute = drawn && shades_in_compute(gpu, scene, package, settings)?;
         Ok(Self {
             variant,
-            samples: gpu.samples(settings.msaa),
+            samples: match compute {
+                true => gpu.integer_samples(settings.msaa),
+                false => gpu.samples(settings.msaa),
+            },
+            compute,
             prepass: match settings.prepass {
+                _ if compute => false,
                 Prepass::Auto => normals,
                 Prepass::On => !overdraw,
                 Prepass::Off => normals,
@@ -132,4 +140,29 @@ impl Plan {
         let flag = |on: bool, bit| if on { bit } else { 0 };
         flag(self.ao.is_some(), FEATURE_AO) | flag(self.contact, FEATURE_CONTACT_SHADOWS)
     }
+}
+
+/// Needs a device that tells fragments their triangle, arenas that shaders can read whole, and draw groups in the
+/// order of their instances, which is the bake's. Software devices shade fragments as fast as anything else.
+fn shades_in_compute(
+    gpu: &Gpu,
+    scene: &GpuScene,
+    package: &Package,
+    settings: &Settings,
+) -> Result<bool, PlayerError> {
+    let wanted = match settings.shading {
+        Shading::Auto => !gpu.is_software(),
+        Shading::Compute => true,
+        Shading::Forward => false,
+    };
+    let groups = package.draw_groups()?;
+    let ordered = groups.is_sorted_by_key(|group| group.first_instance);
+    let largest = u64::from(gpu.limits().max_storage_buffer_range);
+    let arenas = [&scene.vertices, &scene.indices];
+    let readable = arenas.iter().all(|arena| {
+        arena
+            .as_ref()
+            .is_some_and(|buffer| buffer.size() <= largest)
+    });
+    Ok(wanted && ordered && readable && gpu.numbers_triangles())
 }

@@ -38,6 +38,10 @@ pub struct GpuScene {
     pub texture_transforms: Option<Buffer>,
     /// Point and spot light records; absent where the package has none.
     pub punctual_lights: Option<Buffer>,
+    /// Draw group records; absent where there is nothing to draw.
+    pub draw_groups: Option<Buffer>,
+    /// Records in `draw_groups`.
+    pub draw_group_count: u32,
     /// Records in `punctual_lights`.
     pub punctual_light_count: u32,
     /// Further lobes, one record per material; absent where no material has any.
@@ -119,6 +123,7 @@ impl GpuScene {
         let vertex_colors = vertex_colors(&mut copy, package, vertices.is_some())?;
         let texture_transforms = texture_transforms(&mut copy, package)?;
         let punctual_lights = punctual_lights(&mut copy, package)?;
+        let draw_groups = draw_groups(&mut copy, package)?;
         let material_extensions = material_extensions(&mut copy, package)?;
         let buffer_bytes = copy.uploader.bytes();
         let textures = Textures::upload(gpu, &mut uploader, package)?;
@@ -146,6 +151,8 @@ impl GpuScene {
             vertex_colors,
             texture_transforms,
             punctual_lights,
+            draw_groups,
+            draw_group_count: package.count(SectionKind::DrawGroups) as u32,
             punctual_light_count: package.count(SectionKind::PunctualLights) as u32,
             material_extensions,
             layouts,
@@ -300,13 +307,13 @@ fn geometry(copy: &mut Copy<'_>, package: &Package) -> Result<Geometry, PlayerEr
         Ok(check::vertices(bytemuck::cast_slice(bytes), first)?)
     };
     let traced = traced_usage(copy.gpu);
-    let usage = vk::BufferUsageFlags::VERTEX_BUFFER | traced;
+    let usage = vk::BufferUsageFlags::VERTEX_BUFFER | traced | vk::BufferUsageFlags::STORAGE_BUFFER;
     let record = size_of::<Vertex>();
     let vertices = copy.buffer("vertices", usage, vertices, record, check_vertices)?;
     let mut segments = Segments::new(package);
     let check_indices =
         |bytes: &[u8], offset| Ok(segments.check(bytemuck::cast_slice(bytes), offset / 4)?);
-    let usage = vk::BufferUsageFlags::INDEX_BUFFER | traced;
+    let usage = vk::BufferUsageFlags::INDEX_BUFFER | traced | vk::BufferUsageFlags::STORAGE_BUFFER;
     let indices = copy.buffer("indices", usage, indices, 4, check_indices)?;
     Ok((Some(vertices), Some(indices)))
 }
@@ -360,6 +367,12 @@ fn texture_transforms(
     copy.optional(kind, bytes, true, |bytes, _| {
         Ok(check::texture_transforms(bytemuck::cast_slice(bytes))?)
     })
+}
+
+/// That every group is in range was checked when the package was opened.
+fn draw_groups(copy: &mut Copy<'_>, package: &Package) -> Result<Option<Buffer>, PlayerError> {
+    let bytes = bytemuck::cast_slice(package.draw_groups()?);
+    copy.optional(SectionKind::DrawGroups, bytes, true, |_, _| Ok(()))
 }
 
 fn punctual_lights(copy: &mut Copy<'_>, package: &Package) -> Result<Option<Buffer>, PlayerError> {

@@ -69,6 +69,18 @@ choice! {
 }
 
 choice! {
+    /// Where surfaces are shaded.
+    pub enum Shading {
+        /// In compute on GPUs, in fragments on software devices.
+        Auto = "auto",
+        /// In fragments, as they are drawn.
+        Forward = "forward",
+        /// In compute, from a target that holds which triangle is seen.
+        Compute = "compute",
+    }
+}
+
+choice! {
     /// Whether depth is drawn before surfaces are shaded.
     pub enum Prepass {
         /// Where a pass reads depth or normals before surfaces are shaded.
@@ -258,6 +270,8 @@ group! {
         debug_view: u32 = 0, Integer(0, 12);
         /// Samples per pixel.
         msaa: u32 = 1, OneOf(&[1, 2, 4, 8]);
+        /// Where surfaces are shaded.
+        shading: Shading = Shading::Auto, Choice(Shading::CHOICES);
         /// Depth before shading.
         prepass: Prepass = Prepass::Auto, Choice(Prepass::CHOICES);
         + light: LightSettings;

@@ -2,8 +2,8 @@
 
 use crate::gpu::vk::{Format, ImageUsageFlags};
 use crate::gpu::{DescriptorSet, Gpu, GpuResult, Layouts, Sampler, SamplerDesc, SetIndex};
-use crate::graph::{Graph, Handle, Pair, Target};
-use crate::passes::{DEPTH_FORMAT, HDR_FORMAT, NORMAL_FORMAT, ROUGHNESS_FORMAT};
+use crate::graph::{Graph, Handle, Pair, Stage, Target, Usage, Uses};
+use crate::passes::{DEPTH_FORMAT, HDR_FORMAT, NORMAL_FORMAT, ROUGHNESS_FORMAT, VISIBILITY_FORMAT};
 use crate::plan::{Plan, ShadowMap};
 
 /// Depth of one sample per pixel where the depth image itself has several.
@@ -26,6 +26,8 @@ pub struct Targets {
     pub ao: Option<AoImages>,
     /// How much of directional light 0 contact shadows let through.
     pub contact: Option<Handle>,
+    /// Which triangle each sample sees; where surfaces are shaded in compute.
+    pub visibility: Option<Handle>,
     /// What surfaces are drawn to.
     pub drawn: Drawn,
     /// Light depth in reverse-Z, a layer per cascade.
@@ -107,7 +109,7 @@ impl Targets {
             .then(|| graph.image(gpu, contact))
             .transpose()?;
         let drawn = if resolved {
-            add_multisampled(gpu, graph, plan)?
+            add_multisampled(gpu, graph, plan, hdr)?
         } else {
             Drawn {
                 hdr,
@@ -115,6 +117,12 @@ impl Targets {
                 surface,
             }
         };
+        let visibility = plan.compute.then(|| {
+            let usage = color | ImageUsageFlags::SAMPLED;
+            let target = Target::new("visibility", VISIBILITY_FORMAT, usage);
+            let samples = plan.samples;
+            graph.image(gpu, Target { samples, ..target })
+        });
         let shadow = plan.shadow.map(|map| add_shadow(gpu, graph, map));
         let samplers = Samplers {
             nearest: Sampler::new(gpu, "nearest clamp", &SamplerDesc::NEAREST_CLAMP)?,
@@ -128,6 +136,7 @@ impl Targets {
             surface,
             ao,
             contact,
+            visibility: visibility.transpose()?,
             drawn,
             shadow: shadow.transpose()?,
             samplers,
@@ -140,6 +149,19 @@ impl Targets {
     /// Set 2 of frames of this parity.
     pub fn set(&self, parity: usize) -> &DescriptorSet {
         &self.sets[parity % 2]
+    }
+
+    /// What surfaces read where they are lit.
+    pub fn add_lighting(&self, uses: &mut Uses, stage: Stage) {
+        if let Some(shadow) = &self.shadow {
+            uses.push(shadow.map, Usage::Sampled(stage));
+        }
+        for images in self.ao.iter() {
+            uses.push(images.ao.current, Usage::Sampled(stage));
+        }
+        for mask in self.contact.iter() {
+            uses.push(*mask, Usage::Sampled(stage));
+        }
     }
 
     /// Makes set 2 anew, after images were replaced.
@@ -225,7 +247,12 @@ fn add_shadow(gpu: &Gpu, graph: &mut Graph, map: ShadowMap) -> GpuResult<ShadowT
     })
 }
 
-fn add_multisampled(gpu: &Gpu, graph: &mut Graph, plan: &Plan) -> GpuResult<Drawn> {
+fn add_multisampled(
+    gpu: &Gpu,
+    graph: &mut Graph,
+    plan: &Plan,
+    resolved: Handle,
+) -> GpuResult<Drawn> {
     let samples = plan.samples;
     let sampled = ImageUsageFlags::SAMPLED;
     let color = sampled | ImageUsageFlags::COLOR_ATTACHMENT;
@@ -233,12 +260,16 @@ fn add_multisampled(gpu: &Gpu, graph: &mut Graph, plan: &Plan) -> GpuResult<Draw
     let hdr = Target::new("hdr samples", HDR_FORMAT, color);
     let depth = Target::new("depth samples", DEPTH_FORMAT, depth);
     let names = ["normal samples", "roughness samples"];
-    let surface = plan
-        .normals
-        .then(|| add_surface(gpu, graph, names, color, samples));
+    let surface =
+        (plan.normals && !plan.compute).then(|| add_surface(gpu, graph, names, color, samples));
+    // Shaded in compute, samples hold what is blended over the pixel: nothing, mostly.
+    let layered = !plan.compute || plan.variant.blended;
     Ok(Drawn {
         surface: surface.transpose()?,
-        hdr: graph.image(gpu, Target { samples, ..hdr })?,
+        hdr: match layered {
+            true => graph.image(gpu, Target { samples, ..hdr })?,
+            false => resolved,
+        },
         depth: graph.image(gpu, Target { samples, ..depth })?,
     })
 }

@@ -39,6 +39,17 @@ layout(set = 0, binding = 12, scalar) readonly buffer MaterialExtensionBuffer {
     MaterialExtension material_extensions[];
 };
 
+// The arenas and the draws, where a pass fetches vertices itself.
+layout(set = 0, binding = 13, scalar) readonly buffer VertexBuffer {
+    Vertex arena_vertices[];
+};
+layout(set = 0, binding = 14, scalar) readonly buffer IndexBuffer {
+    uint arena_indices[];
+};
+layout(set = 0, binding = 15, scalar) readonly buffer DrawGroupBuffer {
+    DrawGroup draw_groups[];
+};
+
 layout(set = 1, binding = 0) uniform sampler2D textures[];
 layout(set = 1, binding = 1) uniform samplerCube cubes[];
 

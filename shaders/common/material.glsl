@@ -1,7 +1,7 @@
 // What a material says of a point: factors, textures and vertex colour put together.
 //
-// Fragment shaders let the hardware choose texture levels. Stages without derivatives define CAIRN_EXPLICIT_LOD before
-// any include, and give the footprint with the coordinates.
+// Fragment shaders let the hardware choose texture levels. Stages without derivatives define CAIRN_EXPLICIT_LOD or
+// CAIRN_EXPLICIT_GRADIENT before any include, and give the footprint or the gradient with the coordinates.
 #ifndef CAIRN_MATERIAL_GLSL
 #define CAIRN_MATERIAL_GLSL
 
@@ -18,6 +18,11 @@ struct TexCoords {
     // read level 0.
     float footprint0;
     float footprint1;
+#endif
+#ifdef CAIRN_EXPLICIT_GRADIENT
+    // Change of uv0 and uv1 to the next pixel on the right (xy) and below (zw).
+    vec4 gradient0;
+    vec4 gradient1;
 #endif
 };
 
@@ -65,6 +70,17 @@ float texture_level(uint reference, TexCoords coords) {
 }
 #endif
 
+#ifdef CAIRN_EXPLICIT_GRADIENT
+vec4 texture_gradient(uint reference, TexCoords coords) {
+    vec4 gradient = (reference & TEXTURE_UV1) != 0u ? coords.gradient1 : coords.gradient0;
+    if (HAS_TEXTURE_TRANSFORMS) {
+        mat2 matrix = texture_matrix(reference & ~TEXTURE_UV1);
+        gradient = vec4(matrix * gradient.xy, matrix * gradient.zw);
+    }
+    return gradient;
+}
+#endif
+
 // `absent` where the reference names no texture. Colour textures have sRGB formats: the sampler decodes them.
 vec4 sample_texture(uint reference, TexCoords coords, vec4 absent) {
     if (reference == NO_TEXTURE) {
@@ -74,6 +90,9 @@ vec4 sample_texture(uint reference, TexCoords coords, vec4 absent) {
     vec2 uv = texture_uv(reference, coords);
 #ifdef CAIRN_EXPLICIT_LOD
     return textureLod(textures[nonuniformEXT(slot)], uv, texture_level(reference, coords));
+#elif defined(CAIRN_EXPLICIT_GRADIENT)
+    vec4 gradient = texture_gradient(reference, coords);
+    return textureGrad(textures[nonuniformEXT(slot)], uv, gradient.xy, gradient.zw);
 #else
     return texture(textures[nonuniformEXT(slot)], uv);
 #endif

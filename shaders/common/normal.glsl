@@ -53,7 +53,7 @@ vec3 bend_normal(vec3 mapped, Frame frame, vec3 facet, vec3 view, bool front_fac
     return visible_normal(front_facing ? unit : -unit, view);
 }
 
-#ifndef CAIRN_EXPLICIT_LOD
+#if !defined(CAIRN_EXPLICIT_LOD) && !defined(CAIRN_EXPLICIT_GRADIENT)
 // A normal of the fragment's triangle, of any length and sign. In uniform control flow.
 vec3 fragment_facet(vec3 position) {
     return cross(dFdx(position), dFdy(position));

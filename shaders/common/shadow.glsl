@@ -9,6 +9,11 @@
 #include "constants.glsl"
 #include "options.glsl"
 
+// The pixel's centre; stages other than fragment shaders define it before any include.
+#ifndef CAIRN_PIXEL
+#define CAIRN_PIXEL gl_FragCoord.xy
+#endif
+
 // Compares by GREATER_OR_EQUAL with linear filtering; outside of the map all is lit.
 layout(set = 2, binding = 5) uniform sampler2DArrayShadow shadow_map;
 // The same image, unfiltered.
@@ -119,7 +124,7 @@ float pcf(uint cascade, Receiver r, int radius) {
 
 // Fernando 2005 for a disc at infinity, whose cone widens linearly with the distance to the receiver.
 float pcss(uint cascade, Receiver r) {
-    float rotation = 2.0 * PI * screen_noise(gl_FragCoord.xy);
+    float rotation = 2.0 * PI * screen_noise(CAIRN_PIXEL);
     float texel = global.shadow_texel_size;
     // Blockers lie between the receiver and the map's near plane.
     float search = max(0.5 * global.cascade_pcss_scale[cascade] * (1.0 - r.depth), texel);

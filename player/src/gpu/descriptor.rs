@@ -43,7 +43,8 @@ pub enum SetIndex {
     /// b0 global uniform, b1 directional lights, b2 materials, b3 instances; where the device traces rays, b4
     /// the top-level acceleration structure; where the package has them, b5 geometry
     /// table, b6 environment table, b7 emissive triangles, b8 their table, b9 texture transforms, b10 vertex colours,
-    /// b11 punctual lights, b12 material extensions.
+    /// b11 punctual lights, b12 material extensions, b13 vertices, b14 indices,
+    /// b15 draw groups.
     Frame = 0,
     /// b0 2D textures, b1 cubes.
     Bindless = 1,
@@ -92,7 +93,7 @@ struct Binding {
 }
 
 /// Bindings of set 0 that hold a storage buffer where the package has the section.
-const OPTIONAL_BUFFERS: [u32; 8] = [5, 6, 7, 8, 9, 10, 11, 12];
+const OPTIONAL_BUFFERS: [u32; 11] = [5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 
 /// The bindings of a set, in ascending order.
 fn bindings(index: SetIndex, shape: Shape) -> Vec<Binding> {

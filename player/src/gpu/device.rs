@@ -46,6 +46,12 @@ pub(super) struct Shared {
     pub(super) pipeline_cache: PipelineCache,
     pub(super) limits: vk::PhysicalDeviceLimits,
     pub(super) anisotropy: bool,
+    /// `gl_PrimitiveID` in fragment shaders.
+    pub(super) primitive_id: bool,
+    /// Sample counts of integer colour targets.
+    pub(super) integer_samples: vk::SampleCountFlags,
+    /// A processor plays the GPU.
+    pub(super) software: bool,
     pub(super) timestamp_bits: u32,
     pub(super) name: String,
     pub(super) driver: String,
@@ -103,6 +109,26 @@ impl Gpu {
         let counts = attachment_samples(&self.shared);
         let usable = [8, 4, 2].into_iter().filter(|count| counts & count != 0);
         usable.filter(|count| *count <= wanted).max().unwrap_or(1)
+    }
+
+    /// As [`Gpu::samples`], for targets of integers too.
+    pub fn integer_samples(&self, wanted: u32) -> u32 {
+        let limits = &self.shared.limits;
+        let counts = attachment_samples(&self.shared)
+            & limits.sampled_image_integer_sample_counts.as_raw()
+            & self.shared.integer_samples.as_raw();
+        let usable = [8, 4, 2].into_iter().filter(|count| counts & count != 0);
+        usable.filter(|count| *count <= wanted).max().unwrap_or(1)
+    }
+
+    /// Whether fragments know the number of their triangle.
+    pub fn numbers_triangles(&self) -> bool {
+        self.shared.primitive_id
+    }
+
+    /// Whether the processor plays the GPU.
+    pub fn is_software(&self) -> bool {
+        self.shared.software
     }
 
     /// Everything the validation layer reported so far; empty is clean.
@@ -196,6 +222,9 @@ impl Shared {
             pipeline_cache: objects.pipeline_cache,
             limits: candidate.properties.limits,
             anisotropy: candidate.anisotropy,
+            primitive_id: candidate.primitive_id,
+            integer_samples: candidate.integer_samples,
+            software: candidate.kind == vk::PhysicalDeviceType::CPU,
             ray_tracing: candidate
                 .ray_tracing
                 .then(|| RayTracing::new(&instance.raw, candidate.raw, &device)),
@@ -366,6 +395,7 @@ fn create_device(
         .shader_storage_image_extended_formats(true)
         .shader_sampled_image_array_dynamic_indexing(true)
         .shader_int64(candidate.ray_tracing)
+        .geometry_shader(candidate.primitive_id)
         .sampler_anisotropy(candidate.anisotropy);
     let mut info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)

@@ -32,11 +32,11 @@ pub enum VertexInput {
     /// Binding 0: the package's vertices. Binding 1: one u32 per instance at location 5.
     Scene,
     /// As `Scene`, without normals and tangents.
-    Casters,
+    Positions,
 }
 
 /// Locations of positions and both texture coordinates.
-const CASTER_LOCATIONS: [u32; 3] = [0, 2, 4];
+const POSITION_LOCATIONS: [u32; 3] = [0, 2, 4];
 
 /// How a fragment joins what the target holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -332,7 +332,8 @@ fn vertex_input(input: VertexInput) -> Input {
             input_rate: vk::VertexInputRate::INSTANCE,
         },
     ];
-    let read = |location: &u32| input == VertexInput::Scene || CASTER_LOCATIONS.contains(location);
+    let read =
+        |location: &u32| input == VertexInput::Scene || POSITION_LOCATIONS.contains(location);
     let mut attributes: Vec<_> = ATTRIBUTES
         .iter()
         .filter(|attribute| read(&attribute.location))

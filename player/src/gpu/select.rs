@@ -17,6 +17,9 @@ pub(super) struct Candidate {
     pub(super) queue_family: u32,
     pub(super) timestamp_bits: u32,
     pub(super) anisotropy: bool,
+    /// `geometryShader`, with which fragment shaders may read `gl_PrimitiveID`.
+    pub(super) primitive_id: bool,
+    pub(super) integer_samples: vk::SampleCountFlags,
     /// Whether it can trace rays by pipelines.
     pub(super) ray_tracing: bool,
     pub(super) properties: vk::PhysicalDeviceProperties,
@@ -107,6 +110,8 @@ fn examine(
         queue_family: 0,
         timestamp_bits: 0,
         anisotropy: false,
+        primitive_id: false,
+        integer_samples: vk::SampleCountFlags::TYPE_1,
         ray_tracing: false,
         properties,
         lacks: Vec::new(),
@@ -116,7 +121,7 @@ fn examine(
         candidate.lacks.push(format!("Vulkan 1.3 (has {version})"));
         return candidate;
     }
-    candidate.driver = driver_text(instance, device);
+    (candidate.driver, candidate.integer_samples) = extended_properties(instance, device);
     examine_features(instance, &mut candidate);
     examine_queues(instance, &mut candidate, presents);
     if presents.is_some() && !has_extension(instance, device, ash::khr::swapchain::NAME) {
@@ -125,11 +130,14 @@ fn examine(
     candidate
 }
 
-/// Name and version of the driver, as it calls itself.
-fn driver_text(instance: &Instance, device: vk::PhysicalDevice) -> String {
-    let mut driver = vk::PhysicalDeviceDriverProperties::default();
+/// Name and version of the driver, as it calls itself; sample counts of integer colour targets.
+fn extended_properties(
+    instance: &Instance,
+    device: vk::PhysicalDevice,
+) -> (String, vk::SampleCountFlags) {
+    let mut driver = vk::PhysicalDeviceVulkan12Properties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
-    // SAFETY: the device was enumerated and knows Vulkan 1.3, of which the driver properties are a part.
+    // SAFETY: the device was enumerated and knows Vulkan 1.3, so the chained structure is known to it.
     unsafe {
         instance
             .raw
@@ -141,7 +149,8 @@ fn driver_text(instance: &Instance, device: vk::PhysicalDevice) -> String {
     };
     let name = text(driver.driver_name_as_c_str());
     let info = text(driver.driver_info_as_c_str());
-    format!("{name} {info}").trim().to_owned()
+    let samples = driver.framebuffer_integer_color_sample_counts;
+    (format!("{name} {info}").trim().to_owned(), samples)
 }
 
 fn examine_features(instance: &Instance, candidate: &mut Candidate) {
@@ -163,6 +172,7 @@ fn examine_features(instance: &Instance, candidate: &mut Candidate) {
     // Software drivers spend most of a frame on anisotropic lookups, and lavapipe (Mesa 25.0) returns NaN from
     // them where the coordinates do not change at all, as on palette textures.
     let in_hardware = candidate.kind != vk::PhysicalDeviceType::CPU;
+    candidate.primitive_id = v10.geometry_shader == vk::TRUE;
     candidate.anisotropy = in_hardware && v10.sampler_anisotropy == vk::TRUE;
     let needed = [
         (
@@ -275,6 +285,8 @@ mod tests {
             timestamp_bits: 0,
             driver: String::new(),
             anisotropy: false,
+            primitive_id: false,
+            integer_samples: vk::SampleCountFlags::TYPE_1,
             ray_tracing: false,
             properties: vk::PhysicalDeviceProperties::default(),
             lacks: lacks.iter().map(|text| (*text).to_owned()).collect(),

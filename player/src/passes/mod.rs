@@ -7,15 +7,19 @@ pub mod contact;
 pub mod depth;
 pub mod forward;
 pub mod gtao;
+pub mod occlusion;
 pub mod pathtrace;
 pub mod resolve_color;
 pub mod resolve_surface;
+pub mod shade;
 pub mod shadow;
 pub mod skybox;
+pub mod surface;
 pub mod tonemap;
 pub mod transparent;
 #[cfg(feature = "ui")]
 pub mod ui;
+pub mod visibility;
 
 #[cfg(test)]
 mod tests;
@@ -39,6 +43,8 @@ pub const DEPTH_FORMAT: vk::Format = vk::Format::D32_SFLOAT;
 pub const NORMAL_FORMAT: vk::Format = vk::Format::A2B10G10R10_UNORM_PACK32;
 /// Perceptual roughness.
 pub const ROUGHNESS_FORMAT: vk::Format = vk::Format::R8_UNORM;
+/// Instance plus 1, and triangle of its mesh.
+pub const VISIBILITY_FORMAT: vk::Format = vk::Format::R32G32_UINT;
 /// Infinity in reverse-Z.
 const FAR_DEPTH: f32 = 0.0;
 
@@ -88,7 +94,10 @@ pub struct Passes {
     pub ao_spatial: Option<compute::ComputePass>,
     pub ao_temporal: Option<compute::ComputePass>,
     pub contact: Option<compute::ComputePass>,
-    pub forward: forward::Forward,
+    pub visibility: Option<visibility::Visibility>,
+    pub surface: Option<compute::ComputePass>,
+    pub forward: Option<forward::Forward>,
+    pub shade: Option<compute::ComputePass>,
     pub skybox: Option<skybox::Skybox>,
     pub transparent: Option<transparent::Transparent>,
     pub resolve_color: Option<compute::ComputePass>,
@@ -108,7 +117,16 @@ impl Passes {
         plan: &Plan,
         target_format: vk::Format,
     ) -> GpuResult<Self> {
-        let resolved = plan.samples > 1;
+        let resolved = plan.samples > 1 && !plan.compute;
+        let visibility = plan
+            .compute
+            .then(|| visibility::Visibility::new(gpu, layouts, plan));
+        let surface = (plan.compute && plan.normals)
+            .then(|| surface::new(gpu, layouts, graph, targets, plan));
+        let shade = plan
+            .compute
+            .then(|| shade::new(gpu, layouts, graph, targets, plan));
+        let forward = (!plan.compute).then(|| forward::Forward::new(gpu, layouts, plan));
         let shadow = plan.shadow.map(|_| shadow::Shadow::new(gpu, layouts, plan));
         let depth = plan.prepass.then(|| depth::Depth::new(gpu, layouts, plan));
         let resolve_surface = (resolved && plan.normals)
@@ -123,8 +141,7 @@ impl Passes {
         let contact = targets
             .contact
             .map(|mask| contact::new(gpu, layouts, graph, mask));
-        let skybox = plan
-            .skybox
+        let skybox = (plan.skybox && !plan.compute)
             .then(|| skybox::Skybox::new(gpu, layouts, graph, targets, plan));
         let blended = plan.variant.blended;
         let transparent = blended.then(|| transparent::Transparent::new(gpu, layouts, plan));
@@ -138,7 +155,10 @@ impl Passes {
             ao_spatial: ao_spatial.transpose()?,
             ao_temporal: ao_temporal.transpose()?,
             contact: contact.transpose()?,
-            forward: forward::Forward::new(gpu, layouts, plan)?,
+            visibility: visibility.transpose()?,
+            surface: surface.transpose()?,
+            forward: forward.transpose()?,
+            shade: shade.transpose()?,
             skybox: skybox.transpose()?,
             transparent: transparent.transpose()?,
             resolve_color: resolve_color.transpose()?,
@@ -162,6 +182,16 @@ impl Passes {
         if let (Some(pass), Some(mask)) = (&mut self.contact, targets.contact) {
             pass.rebind(layouts, |set, parity| {
                 contact::write(set, parity, graph, mask);
+            })?;
+        }
+        if let Some(pass) = &mut self.surface {
+            pass.rebind(layouts, |set, parity| {
+                surface::write(set, parity, graph, targets);
+            })?;
+        }
+        if let Some(pass) = &mut self.shade {
+            pass.rebind(layouts, |set, parity| {
+                shade::write(set, parity, graph, targets);
             })?;
         }
         if let Some(pass) = &mut self.skybox {
@@ -248,6 +278,13 @@ impl Variant {
         let mut values = values.chain([shadows]);
         std::array::from_fn(|id| (id as u32, values.next().unwrap_or_default()))
     }
+}
+
+/// Specialisation constants of `surface.comp` and `shade.comp`: the surfaces', then those of `samples.glsl`.
+fn visible_constants(plan: &Plan) -> Vec<(u32, u32)> {
+    let mut constants = plan.variant.constants(Alpha::Ignored).to_vec();
+    constants.extend([(32, plan.samples), (33, u32::from(plan.skybox))]);
+    constants
 }
 
 /// A pipeline of the scene's surfaces. Behind a prepass, only what has the prepass's depth is shaded, so that cut

@@ -229,7 +229,7 @@ fn pipeline(
         },
         vertex: shader(cairn_shaders::SHADOW_VERT.spirv),
         fragment: (alpha == Alpha::Cut).then(|| shader(cairn_shaders::SHADOW_FRAG.spirv)),
-        input: VertexInput::Casters,
+        input: VertexInput::Positions,
         colors: &[],
         depth: Some(depth_state(vk::CompareOp::GREATER, true)),
         samples: 1,

@@ -21,19 +21,20 @@ impl Transparent {
         })
     }
 
-    /// Draws in the list's order. A double-sided surface is drawn twice, far faces first, so that a closed
+    /// Draws in the list's order, over what the target holds or on an empty layer. A double-sided surface is drawn twice, far faces first, so that a closed
     /// shape's inside lies behind its outside.
     pub fn record(
         &self,
         commands: &mut Commands,
         hdr: ImageRef<'_>,
         depth: ImageRef<'_>,
+        load: Load<[f32; 4]>,
         draws: &[Draw],
     ) {
         let extent = hdr.extent();
         let color = ColorAttachment {
             image: hdr,
-            load: Load::Keep,
+            load,
             store: true,
         };
         let depth = DepthAttachment {

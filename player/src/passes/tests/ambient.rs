@@ -419,7 +419,7 @@ fn what_is_off_is_not_there() {
         settings.contact.enabled = contact;
         settings.light.source = crate::settings::LightSource::Scene;
         run(&gpu, fixture, [8, 8], &settings, |screen| {
-            let passes = screen.renderer.passes();
+            let passes = &screen.renderer.passes;
             let found = [
                 &passes.gtao,
                 &passes.ao_spatial,

@@ -13,6 +13,7 @@ mod prepass;
 mod punctual;
 mod renderer;
 mod screen;
+mod shading;
 mod shadows;
 mod sky;
 mod surfaces;

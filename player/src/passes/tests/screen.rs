@@ -6,8 +6,9 @@ use glam::{Vec2, Vec3};
 use crate::camera::Camera;
 use crate::frame::Renderer;
 use crate::gpu::{
-    Buffer, BufferDesc, FrameTarget, Frames, Gpu, Image, ImageDesc, Memory, Sync, vk,
+    Buffer, BufferDesc, Commands, FrameTarget, Frames, Gpu, Image, ImageDesc, Memory, Sync, vk,
 };
+use crate::graph::Usage;
 use crate::scene::GpuScene;
 use crate::settings::Settings;
 
@@ -102,7 +103,7 @@ impl<'a> Screen<'a> {
         self.renderer
             .record(&mut commands, scene, package, camera, settings, target)
             .expect("records");
-        self.renderer.copy_ao(&mut commands, &self.buffer);
+        copy_ao(&mut self.renderer, &mut commands, &self.buffer);
         let submission = self.frames.submit(commands).expect("submits");
         self.gpu.wait(submission).expect("finishes");
         let mut words = vec![[0_u32; 2]; (self.size[0] * self.size[1]) as usize];
@@ -118,4 +119,14 @@ impl<'a> Screen<'a> {
         }
         last
     }
+}
+
+fn copy_ao(renderer: &mut Renderer, commands: &mut Commands, buffer: &Buffer) {
+    let ao = renderer.targets.ao.expect("ambient occlusion is on");
+    let ao = ao.ao.current;
+    let mut frame = renderer.graph.begin(commands, None);
+    let uses = [(ao, Usage::CopySource)];
+    frame.pass(c"copy ao", &uses, |commands, images| {
+        commands.copy_image_to_buffer(images.get(ao), 0, 0, buffer, 0);
+    });
 }

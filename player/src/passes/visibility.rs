@@ -1,0 +1,86 @@
+//! Which triangle each sample sees: all that rasterisation decides before surfaces are shaded in compute.
+
+use super::{Alpha, FAR_DEPTH, VISIBILITY_FORMAT, bucket, depth_state};
+use crate::draw::Draw;
+use crate::gpu::{
+    Blend, ColorAttachment, ColorTarget, Commands, DepthAttachment, Gpu, GpuResult,
+    GraphicsPipeline, GraphicsPipelineDesc, ImageRef, Layouts, Load, Shader, VertexInput, vk,
+};
+use crate::plan::Plan;
+
+/// The pass's pipelines.
+pub struct Visibility {
+    opaque: GraphicsPipeline,
+    masked: Option<GraphicsPipeline>,
+}
+
+impl Visibility {
+    /// Builds what the package needs: without masked groups there is no pipeline that discards.
+    pub fn new(gpu: &Gpu, layouts: &Layouts, plan: &Plan) -> GpuResult<Self> {
+        let masked = plan.variant.masked;
+        let masked = masked.then(|| pipeline(gpu, layouts, plan, Alpha::Cut));
+        Ok(Self {
+            opaque: pipeline(gpu, layouts, plan, Alpha::Ignored)?,
+            masked: masked.transpose()?,
+        })
+    }
+
+    /// Clears both targets and draws. Sets and vertex buffers are bound.
+    pub fn record(
+        &self,
+        commands: &mut Commands,
+        triangles: ImageRef<'_>,
+        depth: ImageRef<'_>,
+        opaque: &[Draw],
+        masked: &[Draw],
+    ) {
+        let extent = depth.extent();
+        let color = ColorAttachment {
+            image: triangles,
+            // All bits zero, as integers too: nothing is seen.
+            load: Load::Clear([0.0; 4]),
+            store: true,
+        };
+        let depth = DepthAttachment {
+            image: depth,
+            load: Load::Clear(FAR_DEPTH),
+            store: true,
+        };
+        commands.begin_rendering(extent, &[color], Some(depth));
+        bucket(commands, extent, &self.opaque, opaque);
+        if let Some(pipeline) = &self.masked {
+            bucket(commands, extent, pipeline, masked);
+        }
+        commands.end_rendering();
+    }
+}
+
+fn pipeline(
+    gpu: &Gpu,
+    layouts: &Layouts,
+    plan: &Plan,
+    alpha: Alpha,
+) -> GpuResult<GraphicsPipeline> {
+    let constants = plan.variant.constants(alpha);
+    let shader = |spirv| Shader {
+        spirv,
+        constants: &constants,
+    };
+    let desc = GraphicsPipelineDesc {
+        name: match alpha {
+            Alpha::Cut => "visibility masked",
+            _ => "visibility opaque",
+        },
+        vertex: shader(cairn_shaders::VISIBILITY_VERT.spirv),
+        fragment: Some(shader(cairn_shaders::VISIBILITY_FRAG.spirv)),
+        input: VertexInput::Positions,
+        colors: &[ColorTarget {
+            format: VISIBILITY_FORMAT,
+            blend: Blend::None,
+        }],
+        depth: Some(depth_state(vk::CompareOp::GREATER, true)),
+        samples: plan.samples,
+        depth_bias: false,
+    };
+    GraphicsPipeline::new(gpu, layouts, &desc)
+}
