@@ -1,8 +1,8 @@
 //! Turns the package's static draw groups into this frame's draws: culled, bucketed, transparent ones sorted.
 
 use cairn_format::gpu::{ALPHA_BLEND, ALPHA_MASK, DRAW_DOUBLE_SIDED, DRAW_MIRRORED, DrawGroup};
-use cairn_format::{BoundsView, Frustum};
-use glam::Vec3;
+use cairn_format::{Aabb, BoundsView, Frustum};
+use glam::{Mat4, Vec2, Vec3};
 
 /// Instances from which a range pays for the test of its clusters.
 const CLUSTERED: usize = 128;
@@ -150,6 +150,44 @@ impl DrawList {
         self.blend.extend(self.sorted.iter().map(|(_, draw)| *draw));
     }
 
+    /// Pixels that blended instances may cover: left, top, right, bottom of a box around their boxes' corners, a pixel
+    /// wider. All of them where a corner lies behind the camera; `None` where there is nothing.
+    pub fn blended_part(
+        &self,
+        bounds: &BoundsView,
+        view_projection: &Mat4,
+        extent: [u32; 2],
+    ) -> Option<[u32; 4]> {
+        let size = Vec2::new(extent[0] as f32, extent[1] as f32);
+        let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
+        for draw in &self.blend {
+            let instance = self.visible[draw.first_visible as usize];
+            let Aabb { min, max } = bounds.get(instance as usize);
+            for corner in 0..8 {
+                let pick = |bit: usize| {
+                    if corner >> bit & 1 == 0 {
+                        min[bit]
+                    } else {
+                        max[bit]
+                    }
+                };
+                let point = Vec3::new(pick(0), pick(1), pick(2)).extend(1.0);
+                let clip = *view_projection * point;
+                if clip.w <= clip.z.abs() * 1e-6 {
+                    return Some([0, 0, extent[0], extent[1]]);
+                }
+                // Images grow downwards, clip space upwards.
+                let ndc = Vec2::new(clip.x, -clip.y) / clip.w;
+                let pixel = (ndc * 0.5 + 0.5) * size;
+                (low, high) = (low.min(pixel), high.max(pixel));
+            }
+        }
+        let low = (low.floor() - 1.0).clamp(Vec2::ZERO, size);
+        let high = (high.ceil() + 1.0).clamp(Vec2::ZERO, size);
+        let visible = low.x < high.x && low.y < high.y;
+        visible.then(|| [low.x, low.y, high.x, high.y].map(|value| value as u32))
+    }
+
     /// Sums over all buckets.
     pub fn stats(&self) -> DrawStats {
         let buckets = [&self.opaque, &self.masked, &self.blend];
@@ -176,7 +214,6 @@ fn shown_below(visible: &[u32], end: u32) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cairn_format::Aabb;
     use cairn_format::bounds::{clusters, to_arrays};
 
     fn unit_box(center: Vec3) -> Aabb {
@@ -313,5 +350,22 @@ mod tests {
     fn nothing_in_nothing_out() {
         let list = build(&[], &[]);
         assert_eq!(list.stats(), DrawStats::default());
+    }
+
+    #[test]
+    fn the_blended_part_covers_what_blends() {
+        let camera = crate::camera::Camera::default();
+        let matrix = camera.projection(1.0) * camera.view();
+        let part = |center: Vec3| {
+            let list = build(&[unit_box(center)], &[group(0, 1, ALPHA_BLEND)]);
+            let boxes = to_arrays(&[unit_box(center)]);
+            let view = BoundsView::new(&boxes, 1).expect("length fits");
+            list.blended_part(&view, &matrix, [100, 100])
+        };
+        let [left, top, right, bottom] = part(Vec3::ZERO).expect("in sight");
+        assert!(left > 0 && top > 0 && right < 100 && bottom < 100);
+        assert_eq!((left + right, top + bottom), (100, 100), "in the middle");
+        assert_eq!(part(camera.position), Some([0, 0, 100, 100]));
+        assert_eq!(part(Vec3::new(0.0, 0.0, 900.0)), None, "behind the camera");
     }
 }

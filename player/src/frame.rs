@@ -41,6 +41,8 @@ pub struct Renderer {
     tracer: Option<Tracer>,
     slots: Vec<Slot>,
     draws: DrawList,
+    /// Pixels that blended surfaces may cover.
+    blended: Option<[u32; 4]>,
     lights: Lights,
     shadow: ShadowView,
     previous_view_projection: Option<Mat4>,
@@ -92,6 +94,7 @@ impl Renderer {
             targets,
             tracer: None,
             draws: DrawList::default(),
+            blended: None,
             lights: Lights::default(),
             shadow: ShadowView::default(),
             previous_view_projection: None,
@@ -216,7 +219,7 @@ impl Renderer {
         }
         let groups = scene.draw_group_count;
         if let Some(pass) = &passes.surface {
-            let push = VisiblePush::new(groups, false);
+            let push = VisiblePush::new(groups, None);
             frame.pass(c"surface", &surface::uses(targets), |commands, _| {
                 commands.push_constants(layouts, &push);
                 pass.record(commands, layouts, parity, extent);
@@ -249,7 +252,8 @@ impl Renderer {
         }
         // Several samples that are shaded in compute are blended into a layer, which shading then takes up.
         let layers = self.plan.compute && self.plan.samples > 1;
-        let layered = layers && !draws.blend.is_empty();
+        let layer = self.blended.filter(|_| layers);
+        let whole = [0, 0, extent[0], extent[1]];
         let blend = |frame: &mut FrameGraph<'_>, load| {
             let Some(transparent) = &passes.transparent else {
                 return;
@@ -262,15 +266,16 @@ impl Renderer {
             targets.add_lighting(&mut uses, Stage::Fragment);
             frame.pass(c"transparent", &uses, |commands, images| {
                 let (hdr, depth) = (images.get(drawn.hdr), images.get(drawn.depth));
-                transparent.record(commands, hdr, depth, load, &draws.blend);
+                let part = layer.unwrap_or(whole);
+                transparent.record(commands, hdr, depth, load, part, &draws.blend);
             });
         };
-        if layered {
+        if layer.is_some() {
             blend(&mut frame, Load::Clear([0.0; 4]));
         }
         if let Some(pass) = &passes.shade {
-            let push = VisiblePush::new(groups, layered);
-            let mut uses = shade::uses(targets, layered);
+            let push = VisiblePush::new(groups, layer);
+            let mut uses = shade::uses(targets, layer.is_some());
             targets.add_lighting(&mut uses, Stage::Compute);
             frame.pass(c"shade", &uses, |commands, _| {
                 commands.push_constants(layouts, &push);
@@ -415,6 +420,7 @@ impl Renderer {
             &frustum,
             camera.position,
         );
+        self.blended = self.draws.blended_part(&bounds, &view_projection, extent);
         let slot = &mut self.slots[slot];
         if let (Some(casters), Some(light)) = (&mut slot.casters, self.lights.shadowed) {
             let [width, height] = extent.map(|size| size as f32);

@@ -17,4 +17,22 @@ vec2 location(int index) {
     return vec2(LOCATIONS[SAMPLES - 1 + index]) / 16.0;
 }
 
+// Which triangle a sample sees, and its depth: which of each pair is read goes by SAMPLES.
+layout(set = 3, binding = 4) uniform usampler2D visibility;
+layout(set = 3, binding = 5) uniform usampler2DMS visibility_samples;
+layout(set = 2, binding = 1) uniform sampler2D visible_depth;
+layout(set = 3, binding = 7) uniform sampler2DMS depth_samples;
+
+float depth_at(ivec2 pixel, int index) {
+    return SAMPLES == 1 ? texelFetch(visible_depth, pixel, 0).r : texelFetch(depth_samples, pixel, index).r;
+}
+
+// Zero where nothing is seen: the target itself is not cleared.
+uvec2 triangle_at(ivec2 pixel, int index) {
+    if (depth_at(pixel, index) == 0.0) {
+        return uvec2(0u);
+    }
+    return SAMPLES == 1 ? texelFetch(visibility, pixel, 0).xy : texelFetch(visibility_samples, pixel, index).xy;
+}
+
 #endif

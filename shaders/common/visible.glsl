@@ -7,8 +7,8 @@
 // Of the draw groups, which lie in ascending order of their instances.
 layout(push_constant, scalar) uniform VisiblePush {
     uint draw_group_count;
-    // Whether the blended layer was drawn.
-    uint layered;
+    // Pixels that the layer of blended surfaces covers: left, top, right, bottom.
+    uvec4 layer_part;
 };
 
 // A point of a triangle, with the change of its barycentric coordinates to the next pixel on the right and below.

@@ -14,13 +14,7 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 33) const bool SKYBOX = true;
 
 layout(set = 3, binding = 0, rgba16f) uniform writeonly image2D hdr;
-layout(set = 3, binding = 4) uniform usampler2D visibility;
-layout(set = 3, binding = 5) uniform usampler2DMS visibility_samples;
 layout(set = 3, binding = 6) uniform sampler2DMS layer_samples;
-
-uvec2 triangle_at(ivec2 pixel, int index) {
-    return SAMPLES == 1 ? texelFetch(visibility, pixel, 0).xy : texelFetch(visibility_samples, pixel, index).xy;
-}
 
 // The colour of the level that the longer side of the footprint asks for, as implicit lookups choose it.
 vec3 mip_view(Fetched f) {
@@ -60,6 +54,8 @@ vec3 resolve(ivec2 pixel) {
     float exposure = plain ? 0.0 : global.camera_position_and_exposure.w;
     vec3 sum = vec3(0.0);
     float weights = 0.0;
+    uvec2 at = uvec2(pixel);
+    bool layered = all(greaterThanEqual(at, layer_part.xy)) && all(lessThan(at, layer_part.zw));
     uint done = 0u;
     for (int i = 0; i < SAMPLES; ++i) {
         if ((done & (1u << i)) != 0u) {
@@ -80,7 +76,7 @@ vec3 resolve(ivec2 pixel) {
             if ((same & (1u << j)) == 0u) {
                 continue;
             }
-            vec4 layer = layered != 0u ? texelFetch(layer_samples, pixel, j) : vec4(0.0);
+            vec4 layer = layered ? texelFetch(layer_samples, pixel, j) : vec4(0.0);
             vec3 radiance = layer.rgb + (1.0 - layer.a) * surface;
             float weight = 1.0 / (1.0 + dot(radiance, vec3(0.2126, 0.7152, 0.0722)) * exposure);
             sum += radiance * weight;

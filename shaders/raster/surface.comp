@@ -11,20 +11,17 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 3, binding = 0, r32f) uniform writeonly image2D resolved_depth;
 layout(set = 3, binding = 1, rgb10_a2) uniform writeonly image2D resolved_normal;
 layout(set = 3, binding = 2, r8) uniform writeonly image2D resolved_roughness;
-layout(set = 3, binding = 4) uniform usampler2D visibility;
-layout(set = 3, binding = 5) uniform usampler2DMS visibility_samples;
-layout(set = 3, binding = 6) uniform sampler2DMS depth_samples;
 
 // The nearest sample's; with one sample, depth needs no copy.
 uvec2 nearest_triangle(ivec2 pixel, out vec2 point) {
     point = vec2(0.5);
     if (SAMPLES == 1) {
-        return texelFetch(visibility, pixel, 0).xy;
+        return triangle_at(pixel, 0);
     }
     int nearest = 0;
-    float depth = texelFetch(depth_samples, pixel, 0).r;
+    float depth = depth_at(pixel, 0);
     for (int i = 1; i < SAMPLES; ++i) {
-        float other = texelFetch(depth_samples, pixel, i).r;
+        float other = depth_at(pixel, i);
         // Reverse-Z: larger is nearer.
         if (other > depth) {
             depth = other;
@@ -33,7 +30,7 @@ uvec2 nearest_triangle(ivec2 pixel, out vec2 point) {
     }
     imageStore(resolved_depth, pixel, vec4(depth));
     point = location(nearest);
-    return texelFetch(visibility_samples, pixel, nearest).xy;
+    return triangle_at(pixel, nearest);
 }
 
 void main() {

@@ -195,10 +195,39 @@ impl Commands {
         }
     }
 
+    /// As [`Commands::begin_rendering`], to the part of the attachments from `[x, y]` to `[x, y]`; nothing else is
+    /// cleared or drawn. Sets the scissor too.
+    pub fn begin_rendering_part(
+        &mut self,
+        [left, top, right, bottom]: [u32; 4],
+        colors: &[ColorAttachment<'_>],
+        depth: Option<DepthAttachment<'_>>,
+    ) {
+        let part = vk::Rect2D {
+            offset: vk::Offset2D {
+                x: left as i32,
+                y: top as i32,
+            },
+            ..area([right - left, bottom - top])
+        };
+        self.begin(part, colors, depth);
+        // SAFETY: the command buffer is recording.
+        unsafe { self.shared.device.cmd_set_scissor(self.raw, 0, &[part]) };
+    }
+
     /// Begins rendering to the upper left `extent` of the attachments; [`MAX_COLORS`] at most.
     pub fn begin_rendering(
         &mut self,
         extent: [u32; 2],
+        colors: &[ColorAttachment<'_>],
+        depth: Option<DepthAttachment<'_>>,
+    ) {
+        self.begin(area(extent), colors, depth);
+    }
+
+    fn begin(
+        &mut self,
+        part: vk::Rect2D,
         colors: &[ColorAttachment<'_>],
         depth: Option<DepthAttachment<'_>>,
     ) {
@@ -208,7 +237,7 @@ impl Commands {
         }
         let depth = depth.map(|depth| depth_info(&depth));
         let mut info = vk::RenderingInfo::default()
-            .render_area(area(extent))
+            .render_area(part)
             .layer_count(1)
             .color_attachments(&infos[..colors.len()]);
         if let Some(depth) = &depth {

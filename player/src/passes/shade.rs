@@ -13,16 +13,16 @@ use crate::targets::Targets;
 pub struct VisiblePush {
     /// Records in the draw group buffer.
     pub draw_groups: u32,
-    /// 1 where blended surfaces were drawn to a layer.
-    pub layered: u32,
+    /// Pixels that the layer of blended surfaces covers: left, top, right, bottom; all 0 without one.
+    pub layer: [u32; 4],
 }
 
 impl VisiblePush {
     /// For that many draw groups.
-    pub fn new(draw_groups: u32, layered: bool) -> Self {
+    pub fn new(draw_groups: u32, layer: Option<[u32; 4]>) -> Self {
         Self {
             draw_groups,
-            layered: u32::from(layered),
+            layer: layer.unwrap_or_default(),
         }
     }
 }
@@ -50,7 +50,10 @@ pub fn new(
 
 /// What the pass touches, but for what the lights and the screen's occlusion add.
 pub fn uses(targets: &Targets, layered: bool) -> Uses {
-    let mut uses = Uses::of(&[(targets.hdr, Usage::StorageClear(Stage::Compute))]);
+    let mut uses = Uses::of(&[
+        (targets.hdr, Usage::StorageClear(Stage::Compute)),
+        (targets.drawn.depth, Usage::Sampled(Stage::Compute)),
+    ]);
     if let Some(triangles) = targets.visibility {
         uses.push(triangles, Usage::Sampled(Stage::Compute));
     }
@@ -69,6 +72,9 @@ pub fn write(set: &mut DescriptorSet, parity: usize, graph: &Graph, targets: &Ta
     if let Some(triangles) = targets.visibility {
         let binding = if resolved { 5 } else { 4 };
         set.write_image(binding, 0, image(triangles), nearest);
+    }
+    if resolved {
+        set.write_image(7, 0, image(targets.drawn.depth), nearest);
     }
     if targets.drawn.hdr != targets.hdr {
         set.write_image(6, 0, image(targets.drawn.hdr), nearest);

@@ -30,7 +30,7 @@ pub fn new(
 
 /// What the pass touches.
 pub fn uses(targets: &Targets) -> Uses {
-    let mut uses = Uses::of(&[]);
+    let mut uses = Uses::of(&[(targets.drawn.depth, Usage::Sampled(Stage::Compute))]);
     if let Some(triangles) = targets.visibility {
         uses.push(triangles, Usage::Sampled(Stage::Compute));
     }
@@ -39,7 +39,6 @@ pub fn uses(targets: &Targets) -> Uses {
         uses.push(surface.roughness, Usage::StorageClear(Stage::Compute));
     }
     if targets.drawn.depth != targets.depth.current {
-        uses.push(targets.drawn.depth, Usage::Sampled(Stage::Compute));
         uses.push(targets.depth.current, Usage::StorageClear(Stage::Compute));
     }
     uses
@@ -55,8 +54,8 @@ pub fn write(set: &mut DescriptorSet, parity: usize, graph: &Graph, targets: &Ta
         set.write_image(binding, 0, image(triangles), nearest);
     }
     if resolved {
+        set.write_image(7, 0, image(targets.drawn.depth), nearest);
         set.write_storage_image(0, image(targets.depth.current));
-        set.write_image(6, 0, image(targets.drawn.depth), nearest);
     }
     if let Some(surface) = targets.surface {
         set.write_storage_image(1, image(surface.normal));

@@ -1,6 +1,6 @@
 //! Blended surfaces over everything else, back to front.
 
-use super::{Alpha, cover, front_face, issue, surface_pipeline};
+use super::{Alpha, front_face, issue, surface_pipeline};
 use crate::draw::Draw;
 use crate::gpu::{
     ColorAttachment, Commands, DepthAttachment, Gpu, GpuResult, GraphicsPipeline, ImageRef,
@@ -21,7 +21,8 @@ impl Transparent {
         })
     }
 
-    /// Draws in the list's order, over what the target holds or on an empty layer. A double-sided surface is drawn twice, far faces first, so that a closed
+    /// Draws in the list's order, inside of `part` (left, top, right, bottom), over what the
+    /// target holds or on an empty layer. A double-sided surface is drawn twice, far faces first, so that a closed
     /// shape's inside lies behind its outside.
     pub fn record(
         &self,
@@ -29,6 +30,7 @@ impl Transparent {
         hdr: ImageRef<'_>,
         depth: ImageRef<'_>,
         load: Load<[f32; 4]>,
+        part: [u32; 4],
         draws: &[Draw],
     ) {
         let extent = hdr.extent();
@@ -40,11 +42,11 @@ impl Transparent {
         let depth = DepthAttachment {
             image: depth,
             load: Load::Keep,
-            store: false,
+            store: true,
         };
-        commands.begin_rendering(extent, &[color], Some(depth));
+        commands.begin_rendering_part(part, &[color], Some(depth));
         commands.bind_graphics(&self.pipeline);
-        cover(commands, extent, true);
+        commands.set_viewport(extent, true);
         for draw in draws {
             commands.set_front_face(front_face(draw));
             if draw.double_sided {
