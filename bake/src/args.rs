@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use crate::encode::Quality;
+use crate::encode::{Quality, SkyFormat};
+use crate::environment::{EnvironmentOptions, SunMode};
 
 /// Bake a glTF 2.0 scene, and an environment, into one Cairn package.
 #[derive(clap::Parser, Debug)]
@@ -19,6 +20,18 @@ pub struct Args {
     /// Effort of the texture encoders.
     #[arg(long, value_enum, default_value = "default")]
     pub texture_quality: TextureQuality,
+    /// What becomes of the environment's sun.
+    #[arg(long, value_enum, default_value = "auto")]
+    pub sun: Sun,
+    /// Work spent on image-based light.
+    #[arg(long, value_enum, default_value = "default")]
+    pub ibl_quality: IblQuality,
+    /// Bound of the relative RMS error of every prefiltered level, in place of that of --ibl-quality.
+    #[arg(long, value_name = "PERCENT", value_parser = percent)]
+    pub ibl_error: Option<f64>,
+    /// Storage of the sky and of the prefiltered cube.
+    #[arg(long, value_enum, default_value = "bc6h")]
+    pub sky_format: SkyFormat,
     /// Images of more texels than this are refused.
     #[arg(long, value_name = "TEXELS", default_value_t = 1 << 28)]
     pub limit_pixels: u64,
@@ -34,6 +47,67 @@ pub struct Args {
     /// Print every row of the speed and error report.
     #[arg(long, short)]
     pub verbose: bool,
+}
+
+/// What becomes of the sun.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Sun {
+    /// Taken out of the cubes where there is one, and stored as a light.
+    Auto,
+    /// Left in the cubes.
+    Keep,
+    /// Taken out of the cubes, and dropped.
+    Off,
+}
+
+/// Presets of image-based light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum IblQuality {
+    /// Within 1 %.
+    Draft,
+    /// Within 0.2 %.
+    Default,
+    /// Within 0.02 %.
+    Reference,
+}
+
+impl IblQuality {
+    /// Bound of the relative RMS error of every prefiltered level.
+    pub fn error(self) -> f64 {
+        match self {
+            Self::Draft => 1e-2,
+            Self::Default => 2e-3,
+            Self::Reference => 2e-4,
+        }
+    }
+}
+
+impl Args {
+    /// Options of image-based light.
+    pub fn light(&self) -> EnvironmentOptions {
+        EnvironmentOptions {
+            sun: match self.sun {
+                Sun::Auto => SunMode::Auto,
+                Sun::Keep => SunMode::Keep,
+                Sun::Off => SunMode::Off,
+            },
+            error: self.ibl_error.unwrap_or(self.ibl_quality.error()),
+            ..EnvironmentOptions::default()
+        }
+    }
+}
+
+/// A fraction out of `0.2` or `0.2%`.
+fn percent(text: &str) -> Result<f64, String> {
+    let number: f64 = text
+        .trim_end_matches('%')
+        .parse()
+        .map_err(|_| format!("`{text}` is no number of percent"))?;
+    if number > 0.0 && number <= 100.0 {
+        Ok(number / 100.0)
+    } else {
+        Err("must be above 0 and at most 100".into())
+    }
 }
 
 /// Encoder presets.

@@ -32,6 +32,8 @@ fn run(args: &Args) -> Result<Summary, BakeError> {
         environment: args.env.clone(),
         output: args.output.clone(),
         texture_quality: args.texture_quality.into(),
+        light: args.light(),
+        sky_format: args.sky_format,
         limit_pixels: args.limit_pixels,
     };
     if args.quiet || args.json {

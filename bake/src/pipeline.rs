@@ -10,7 +10,8 @@ use cairn_format::scene::{
 use cairn_format::{SectionKind, Writer, features};
 
 use crate::diagnostic::{BakeError, Result};
-use crate::encode::{EncodeOptions, Kernels, Quality};
+use crate::encode::{EncodeOptions, Kernels, Quality, SkyFormat};
+use crate::environment::EnvironmentOptions;
 use crate::import::{EnvironmentImage, import, load_environment};
 use crate::materials::{self, Plan};
 use crate::prepare::{Prepared, StepTime, prepare};
@@ -27,6 +28,10 @@ pub struct Options {
     pub environment: Option<PathBuf>,
     pub output: PathBuf,
     pub texture_quality: Quality,
+    /// Sizes, sun and error bound of image-based light.
+    pub light: EnvironmentOptions,
+    /// Storage of the sky and of the prefiltered cube.
+    pub sky_format: SkyFormat,
     /// Largest number of texels of one image.
     pub limit_pixels: u64,
 }
@@ -84,7 +89,13 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     let emissive_table = emitters::table(&prepared.emissive_triangles);
     clock.lap("emitters");
 
-    let light = store_environment(&mut texels, environment.as_mut(), &prepared, progress);
+    let light = store_environment(
+        options,
+        &mut texels,
+        environment.as_mut(),
+        &prepared,
+        progress,
+    );
     clock.lap("environment");
 
     progress.update("write", 0.0);
@@ -179,6 +190,7 @@ struct StoredLight {
 }
 
 fn store_environment(
+    options: &Options,
     texels: &mut Texels,
     image: Option<&mut EnvironmentImage>,
     prepared: &Prepared,
@@ -186,10 +198,10 @@ fn store_environment(
 ) -> StoredLight {
     let mut light = StoredLight::default();
     if let Some(image) = image {
-        let products = sky::bake(image, &|stage, fraction| {
+        let products = sky::bake(image, &options.light, &|stage, fraction| {
             progress.update(&format!("environment: {stage}"), fraction);
         });
-        light.environment = Some(sky::store(texels, image, &products));
+        light.environment = Some(sky::store(texels, image, &products, options.sky_format));
         light.alias = products
             .importance
             .map_or(Vec::new(), |table| table.to_bytes());
@@ -357,7 +369,19 @@ fn provenance(
         settings: vec![setting(
             "texture-quality",
             format!("{:?}", options.texture_quality).to_lowercase(),
-        )],
+        )]
+        .into_iter()
+        .chain(environment.into_iter().flat_map(|_| {
+            [
+                setting(
+                    "sky-format",
+                    format!("{:?}", options.sky_format).to_lowercase(),
+                ),
+                setting("sun", format!("{:?}", options.light.sun).to_lowercase()),
+                setting("ibl-error", options.light.error.to_string()),
+            ]
+        }))
+        .collect(),
         sources,
     }
 }

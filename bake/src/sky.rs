@@ -1,11 +1,14 @@
 //! Loads, bakes and stores the environment: three cubes and the BRDF table.
 
-use cairn_format::TextureFormat;
-use cairn_format::scene::{Environment, ImageRole};
+use std::time::Instant;
 
+use cairn_format::TextureFormat;
+use cairn_format::scene::{Environment, ImageRole, Sun};
+
+use crate::encode::SkyFormat;
 use crate::environment::{
     Cube, DEFAULT_LUT_SIZE, EnvironmentOptions, EnvironmentProducts, Equirect, bake_environment,
-    brdf_lut, level_roughness, level_to_rgba16f,
+    brdf_lut, level_roughness,
 };
 use crate::import::EnvironmentImage;
 use crate::report::Row;
@@ -17,6 +20,7 @@ const LUT_SIZE: u32 = DEFAULT_LUT_SIZE;
 /// Bakes the cubes of a panorama, whose texels are taken out of `image`.
 pub fn bake(
     image: &mut EnvironmentImage,
+    options: &EnvironmentOptions,
     progress: &(dyn Fn(&str, f32) + Sync),
 ) -> EnvironmentProducts {
     let equirect = Equirect {
@@ -24,7 +28,7 @@ pub fn bake(
         height: image.height,
         texels: std::mem::take(&mut image.texels),
     };
-    bake_environment(&equirect, &EnvironmentOptions::default(), progress)
+    bake_environment(equirect, options, progress)
 }
 
 /// Appends the cubes to the texels.
@@ -32,18 +36,29 @@ pub fn store(
     texels: &mut Texels,
     image: &EnvironmentImage,
     products: &EnvironmentProducts,
+    format: SkyFormat,
 ) -> Environment {
     let replaced = &image.replaced;
     let levels = products.prefiltered.levels.len();
     let environment = Environment {
-        sky: push_cube(texels, "sky", &products.sky),
-        irradiance: push_cube(texels, "irradiance", &products.irradiance),
-        prefiltered: push_cube(texels, "prefiltered", &products.prefiltered),
+        sky: push_cube(texels, "sky", &products.sky, format),
+        irradiance: push_cube(
+            texels,
+            "irradiance",
+            &products.irradiance,
+            SkyFormat::Rgba16f,
+        ),
+        prefiltered: push_cube(texels, "prefiltered", &products.prefiltered, format),
         prefiltered_roughness: (0..levels)
             .map(|level| level_roughness(level, levels) as f32)
             .collect(),
-        scale: 1.0,
-        sun: None,
+        scale: products.scale,
+        sun: products.sun.map(|sun| Sun {
+            direction: sun.direction,
+            color: sun.color,
+            illuminance: sun.illuminance,
+            angular_radius: sun.angular_radius,
+        }),
         irradiance_sh: products.irradiance_sh,
         source_width: image.width,
         source_height: image.height,
@@ -62,7 +77,7 @@ pub fn store(
         texels.report.extend(stage.error.map(|error| Row {
             stage: "environment".into(),
             item: stage.name.clone(),
-            setting: "Rgba16Float default".into(),
+            setting: format!("error {}", products.error_bound),
             seconds: stage.seconds,
             throughput: None,
             throughput_unit: "",
@@ -92,16 +107,41 @@ pub fn store_lut(texels: &mut Texels, sheen: bool) -> u32 {
     texels.push(&info, std::iter::once(halves.as_slice()))
 }
 
-fn push_cube(texels: &mut Texels, name: &str, cube: &Cube) -> u32 {
+fn push_cube(texels: &mut Texels, name: &str, cube: &Cube, format: SkyFormat) -> u32 {
+    let start = Instant::now();
+    let mut sums = [0.0; 2];
     let levels: Vec<Vec<u8>> = cube
         .levels
         .iter()
-        .map(|level| level_to_rgba16f(level))
+        .enumerate()
+        .map(|(level, stored)| {
+            let (bytes, [error, scale]) = format.encode(stored, cube.level_size(level));
+            sums[0] += error;
+            sums[1] += scale;
+            bytes
+        })
         .collect();
+    let seconds = start.elapsed().as_secs_f64();
+    let count: usize = cube.levels.iter().map(Vec::len).sum();
+    texels.report.push(Row {
+        stage: "environment".into(),
+        item: format!("{name} stored"),
+        setting: format!("{format:?}").to_lowercase(),
+        seconds,
+        throughput: Some(count as f64 / 1e6 / seconds.max(1e-9)),
+        throughput_unit: "Mtexel/s",
+        metric: "relative rms of the storage".into(),
+        error: if sums[1] > 0.0 {
+            (sums[0] / sums[1]).sqrt()
+        } else {
+            0.0
+        },
+        bytes: levels.iter().map(|level| level.len() as u64).sum(),
+    });
     let info = ImageInfo {
         name,
         role: ImageRole::Environment,
-        format: TextureFormat::Rgba16Float,
+        format: format.texture_format(),
         width: cube.size,
         height: cube.size,
         layers: 6,

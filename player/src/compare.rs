@@ -110,7 +110,10 @@ pub fn features(base: &Settings) -> Vec<(&'static str, Settings)> {
         ),
         (
             "ambient occlusion",
-            with(&|settings| settings.debug_view = 9),
+            with(&|settings| {
+                settings.debug_view = 9;
+                settings.skybox = false;
+            }),
         ),
     ]
 }

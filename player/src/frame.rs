@@ -15,6 +15,7 @@ use crate::graph::{FrameGraph, Graph, Stage, Usage, Uses};
 use crate::lights::Lights;
 use crate::passes::Passes;
 use crate::passes::depth::DepthImages;
+use crate::passes::occlusion::{self, Surroundings};
 use crate::passes::shade::VisiblePush;
 use crate::passes::shadow::{Casters, ShadowView};
 use crate::passes::{resolve_color, resolve_surface, shade, surface};
@@ -33,9 +34,9 @@ pub struct Renderer {
     layouts: Layouts,
     target_format: vk::Format,
     plan: Plan,
-    graph: Graph,
-    targets: Targets,
-    passes: Passes,
+    pub(crate) graph: Graph,
+    pub(crate) targets: Targets,
+    pub(crate) passes: Passes,
     /// The path-traced frame, from its first use on.
     tracer: Option<Tracer>,
     slots: Vec<Slot>,
@@ -150,7 +151,7 @@ impl Renderer {
     ) -> Result<(), PlayerError> {
         self.follow_settings(scene, package, settings)?;
         if settings.mode == Mode::PathTrace && self.gpu.traces_rays() {
-            return self.record_traced(commands, scene, package, camera, settings, target);
+            return self.record_traced(commands, scene, package, camera, settings, target, overlay);
         }
         self.graph.advance();
         self.update(commands.slot(), scene, package, camera, settings)?;
@@ -165,6 +166,14 @@ impl Renderer {
         let layouts = &self.layouts;
         let drawn = targets.drawn;
         let (opaque, masked) = (&draws.opaque, &draws.masked);
+        let around = Surroundings {
+            diagonal: scene::diagonal(package),
+            // This frame's number: the counter is one ahead.
+            frame: self.frame_index.wrapping_sub(1),
+            history: targets.ao.is_some_and(|ao| self.graph.has_history(ao.ao)),
+            parity,
+            extent,
+        };
         let mut frame = self.graph.begin(commands, Some((targets.output, target)));
 
         let shadow = targets.shadow.as_ref().zip(slot.casters.as_ref());
@@ -222,6 +231,8 @@ impl Renderer {
                 resolve.record(commands, layouts, parity, extent);
             });
         }
+        // GTAO, its spatial and its temporal filter, contact shadows.
+        occlusion::record(&mut frame, passes, layouts, targets, settings, &around);
         if let Some(forward) = &passes.forward {
             let depth_use = match passes.depth {
                 Some(_) => Usage::Depth,
@@ -298,6 +309,7 @@ impl Renderer {
         Ok(())
     }
 
+    #[allow(clippy::too_many_arguments)]
     fn record_traced(
         &mut self,
         commands: &mut Commands,
@@ -306,6 +318,7 @@ impl Renderer {
         camera: &Camera,
         settings: &Settings,
         target: FrameTarget<'_>,
+        overlay: Option<Overlay<'_>>,
     ) -> Result<(), PlayerError> {
         let (extent, surfaces) = (self.graph.extent(), self.plan.variant);
         let mut tracer = match self.tracer.take() {
@@ -319,7 +332,7 @@ impl Renderer {
         let uniform = frame_uniform(camera, extent, scene, settings);
         let samples = settings.path.samples_per_frame;
         let recorded = tracer.record(
-            commands, scene, package, surfaces, &uniform, settings, samples, target,
+            commands, scene, package, surfaces, &uniform, settings, samples, target, overlay,
         );
         self.tracer = Some(tracer);
         recorded
@@ -395,6 +408,7 @@ impl Renderer {
         scene.lights.choose(settings, &mut self.lights);
         uniform.directional_light_count = self.lights.records.len() as u32;
         fill_settings(&mut uniform, settings);
+        uniform.feature_flags = self.plan.feature_flags();
         self.previous_view_projection = Some(view_projection);
         self.frame_index = self.frame_index.wrapping_add(1);
 

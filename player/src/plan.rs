@@ -1,7 +1,10 @@
 //! What a frame consists of: the passes and images that a package and the settings ask for.
 
 use cairn_format::Package;
-use cairn_format::gpu::{ALPHA_BLEND, ALPHA_MASK, LOBE_CLEARCOAT, LOBE_SHEEN, LOBE_SPECULAR};
+use cairn_format::gpu::{
+    ALPHA_BLEND, ALPHA_MASK, FEATURE_AO, FEATURE_CONTACT_SHADOWS, LOBE_CLEARCOAT, LOBE_SHEEN,
+    LOBE_SPECULAR,
+};
 
 use crate::PlayerError;
 use crate::cascade::MAX_CASCADES;
@@ -12,6 +15,17 @@ use crate::settings::{LightSource, Prepass, Settings, Shading};
 
 /// Number of the debug view that shows how often pixels are shaded.
 const OVERDRAW_VIEW: u32 = 11;
+
+/// What the passes of ambient occlusion are compiled with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AoPlan {
+    /// Slices per pixel.
+    pub directions: u32,
+    /// Steps per side of a slice.
+    pub steps: u32,
+    /// Whether frames are joined.
+    pub temporal: bool,
+}
 
 /// The choices that pipelines and images depend on. A renderer is rebuilt where its plan changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,7 +41,7 @@ pub struct Plan {
     /// Whether the prepass also writes normals and roughness, because a pass reads them.
     pub normals: bool,
     /// Ground-truth ambient occlusion.
-    pub ao: bool,
+    pub ao: Option<AoPlan>,
     /// Contact shadows.
     pub contact: bool,
     /// The sky behind the scene.
@@ -109,12 +123,22 @@ impl Plan {
                 Prepass::Off => normals,
             },
             normals,
-            ao,
+            ao: ao.then_some(AoPlan {
+                directions: settings.ao.directions,
+                steps: settings.ao.steps,
+                temporal: settings.ao.temporal > 0.0,
+            }),
             contact,
             skybox: variant.environment && settings.skybox && !overdraw,
             overdraw,
             shadow,
         })
+    }
+
+    /// Bits of `GlobalUniform::feature_flags`: what runs before surfaces are shaded, shadow maps excepted.
+    pub fn feature_flags(&self) -> u32 {
+        let flag = |on: bool, bit| if on { bit } else { 0 };
+        flag(self.ao.is_some(), FEATURE_AO) | flag(self.contact, FEATURE_CONTACT_SHADOWS)
     }
 }
 

@@ -207,6 +207,16 @@ pub fn bounds(package: &Package) -> Aabb {
     }
 }
 
+/// Diagonal of [`bounds`], metres; 1 where the scene has no extent.
+pub fn diagonal(package: &Package) -> f32 {
+    let diagonal = bounds(package).diagonal();
+    if diagonal.is_finite() && diagonal > 0.0 {
+        diagonal
+    } else {
+        1.0
+    }
+}
+
 impl std::fmt::Display for SceneStats {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(

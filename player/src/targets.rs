@@ -9,6 +9,9 @@ use crate::plan::{Plan, ShadowMap};
 /// Depth of one sample per pixel where the depth image itself has several.
 const RESOLVED_DEPTH_FORMAT: Format = Format::R32_SFLOAT;
 
+/// Two words: `ao_texel.glsl`.
+const AO_FORMAT: Format = Format::R32G32_UINT;
+
 /// Handles of a frame's images. With one sample per pixel, what is drawn to is what is read.
 pub struct Targets {
     /// What is shown.
@@ -19,6 +22,10 @@ pub struct Targets {
     pub depth: Pair,
     /// World normal `n * 0.5 + 0.5` and roughness of the sample that `depth` has; where a pass reads them.
     pub surface: Option<Surface>,
+    /// Ambient occlusion.
+    pub ao: Option<AoImages>,
+    /// How much of directional light 0 contact shadows let through.
+    pub contact: Option<Handle>,
     /// Which triangle each sample sees; where surfaces are shaded in compute.
     pub visibility: Option<Handle>,
     /// What surfaces are drawn to.
@@ -35,6 +42,24 @@ pub struct Targets {
 pub struct Surface {
     pub normal: Handle,
     pub roughness: Handle,
+}
+
+/// Images of ambient occlusion; `ao_texel.glsl` says what they hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AoImages {
+    /// Before it is filtered.
+    pub noisy: Handle,
+    /// Of this frame alone; absent where frames are not joined.
+    pub spatial: Option<Handle>,
+    /// What surfaces read, and what it was in the last frame.
+    pub ao: Pair,
+}
+
+impl AoImages {
+    /// What the spatial filter writes.
+    pub fn filtered(&self) -> Handle {
+        self.spatial.unwrap_or(self.ao.current)
+    }
 }
 
 /// Attachments, with the plan's samples.
@@ -74,6 +99,15 @@ impl Targets {
             .normals
             .then(|| add_surface(gpu, graph, ["normal", "roughness"], storage | color, 1));
         let surface = surface.transpose()?;
+        let ao = plan
+            .ao
+            .map(|ao| add_ao(gpu, graph, ao.temporal))
+            .transpose()?;
+        let contact = Target::new("contact mask", Format::R8_UNORM, storage);
+        let contact = plan
+            .contact
+            .then(|| graph.image(gpu, contact))
+            .transpose()?;
         let drawn = if resolved {
             add_multisampled(gpu, graph, plan, hdr)?
         } else {
@@ -100,6 +134,8 @@ impl Targets {
             hdr,
             depth,
             surface,
+            ao,
+            contact,
             visibility: visibility.transpose()?,
             drawn,
             shadow: shadow.transpose()?,
@@ -120,6 +156,12 @@ impl Targets {
         if let Some(shadow) = &self.shadow {
             uses.push(shadow.map, Usage::Sampled(stage));
         }
+        for images in self.ao.iter() {
+            uses.push(images.ao.current, Usage::Sampled(stage));
+        }
+        for mask in self.contact.iter() {
+            uses.push(*mask, Usage::Sampled(stage));
+        }
     }
 
     /// Makes set 2 anew, after images were replaced.
@@ -134,6 +176,12 @@ impl Targets {
             set.write_image(1, 0, graph.owned_at(self.depth.current, parity), nearest);
             if let Some(surface) = self.surface {
                 set.write_image(2, 0, graph.owned_at(surface.normal, parity), nearest);
+            }
+            if let Some(images) = self.ao {
+                set.write_image(3, 0, graph.owned_at(images.ao.current, parity), nearest);
+            }
+            if let Some(mask) = self.contact {
+                set.write_image(4, 0, graph.owned_at(mask, parity), nearest);
             }
             if let Some(shadow) = &self.shadow {
                 let map = graph.owned_at(shadow.map, parity);
@@ -155,6 +203,17 @@ fn depth_target(plan: &Plan) -> Target {
     }
     let usage = sampled | ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT;
     Target::new("depth", DEPTH_FORMAT, usage)
+}
+
+fn add_ao(gpu: &Gpu, graph: &mut Graph, temporal: bool) -> GpuResult<AoImages> {
+    let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | ImageUsageFlags::TRANSFER_SRC;
+    let target = |name| Target::new(name, AO_FORMAT, usage);
+    let spatial = temporal.then(|| graph.image(gpu, target("ao spatial")));
+    Ok(AoImages {
+        noisy: graph.image(gpu, target("ao noisy"))?,
+        spatial: spatial.transpose()?,
+        ao: graph.pair(gpu, target("ao"))?,
+    })
 }
 
 fn add_surface(

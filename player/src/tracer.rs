@@ -4,6 +4,7 @@ use cairn_format::Package;
 use cairn_format::gpu::{DirectionalLight, GlobalUniform, MATERIAL_UNLIT, NO_TEXTURE};
 
 use crate::PlayerError;
+use crate::frame::Overlay;
 use crate::gpu::{
     Buffer, BufferDesc, BuildStats, Commands, DescriptorSet, FRAMES_IN_FLIGHT, FrameTarget, Gpu,
     GpuResult, Layouts, Memory, Sampler, SamplerDesc, SetIndex, Sync, vk,
@@ -184,6 +185,7 @@ impl Tracer {
         settings: &Settings,
         samples: u32,
         target: FrameTarget<'_>,
+        overlay: Option<Overlay<'_>>,
     ) -> Result<(), PlayerError> {
         self.follow(scene, package, surfaces, settings)?;
         self.lights.choose(settings, &mut self.chosen);
@@ -222,7 +224,7 @@ impl Tracer {
             commands.memory_barrier(CLEARING, TRACING);
         }
         self.tonemap.bind_target(&self.layouts, target.image)?;
-        self.draw(commands, settings, &constants, target);
+        self.draw(commands, settings, &constants, target, overlay);
         self.batch.first_sample += samples;
         self.batch.index += u32::from(samples > 0);
         Ok(())
@@ -234,6 +236,7 @@ impl Tracer {
         settings: &Settings,
         constants: &cairn_format::gpu::PathTracePush,
         target: FrameTarget<'_>,
+        overlay: Option<Overlay<'_>>,
     ) {
         let extent = self.graph.extent();
         let (pass, tonemap, layouts) = (&self.pass, &self.tonemap, &self.layouts);
@@ -253,6 +256,11 @@ impl Tracer {
         frame.pass(c"tonemap", &uses, |commands, images| {
             tonemap.record(commands, layouts, images.get(output), settings.tonemap);
         });
+        if let Some(overlay) = overlay {
+            frame.pass(c"ui", &[(output, Usage::Color)], |commands, images| {
+                overlay(commands, images.get(output));
+            });
+        }
         frame.finish();
     }
 

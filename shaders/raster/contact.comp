@@ -2,7 +2,8 @@
 //
 // The ray is a straight line in the image, and its depth affine along it, as a plane's is. It steps from column to
 // column (or row to row) of the image and compares with the depth interpolated between the two texels it passes, which
-// is exact on planes: none shadows itself, at any tilt. Across an edge, texels stand for themselves.
+// is exact on planes: none shadows itself, at any tilt. Where the nearer texel of the two is farther away, it counts
+// instead, so that what is interpolated across an edge, where there is no surface, casts nothing.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "noise.glsl"
@@ -24,8 +25,6 @@ layout(push_constant) uniform Push {
 const float FADE_START = 0.75;
 // Width of the image's border towards which shadows fade, in parts of its size.
 const float BORDER = 0.05;
-// Difference of neighbouring depths, in parts, from which on they are two surfaces.
-const float EDGE = 0.02;
 // A ray clears the surface that it leaves by this much of the distance: depth is rounded, and triangles are flat.
 const float CLEARANCE = 2e-4;
 
@@ -43,8 +42,7 @@ float scene_depth(vec2 at, bool steep) {
     ivec2 first = clamp(ivec2(low), ivec2(0), last);
     ivec2 second = min(first + (steep ? ivec2(1, 0) : ivec2(0, 1)), last);
     float a = texelFetch(depth_texture, first, 0).r, b = texelFetch(depth_texture, second, 0).r;
-    bool edge = abs(a - b) > EDGE * max(a, b);
-    return edge ? (part < 0.5 ? a : b) : mix(a, b, part);
+    return min(mix(a, b, part), part < 0.5 ? a : b);
 }
 
 // Fades where what lies outside of the image might cast a shadow, too.
@@ -54,27 +52,31 @@ float border_fade(vec2 at) {
     return inward.x * inward.y;
 }
 
+// Part of the line from `start` on that lies in the image.
+float inside_part(vec2 start, vec2 way) {
+    vec2 border = mix(vec2(-0.5), global.screen_size - 0.5, greaterThan(way, vec2(0.0)));
+    vec2 part = (border - start) / mix(way, vec2(1e-12), equal(way, vec2(0.0)));
+    return clamp(min(part.x, part.y), 0.0, 1.0);
+}
+
 // Visibility along the line from `start` to `end`, `noise` in 0..1.
 float march(Lens view, vec3 start, vec3 end, float noise) {
-    vec2 way = end.xy - start.xy;
+    vec3 way = end - start;
     bool steep = abs(way.y) > abs(way.x);
-    float pixels = max(abs(way.x), abs(way.y));
+    float whole = max(abs(way.x), abs(way.y));
+    float pixels = floor(whole * inside_part(start.xy, way.xy));
     // A ray within its own pixel meets nothing.
-    if (pixels < 1.0) {
-        return 1.0;
-    }
     uint count = min(push.steps, uint(pixels));
+    // Whole columns or rows: each of them where they are few, denser near the surface where they are not.
+    bool sparse = float(count) < pixels;
     float last = view_distance(view, start.z);
     for (uint i = 0; i < count; ++i) {
-        // Denser near the surface; whole columns or rows, the first one away from the start.
         float part = (float(i) + noise) / float(count);
-        float step = max(round(mix(part, part * part, step(float(count) + 0.5, pixels)) * pixels), float(i + 1));
-        float t = step / pixels;
-        if (t > 1.0) {
-            break;
-        }
-        vec3 at = mix(start, end, t);
-        if (any(lessThan(at.xy, vec2(-0.5))) || any(greaterThan(at.xy, global.screen_size - 0.5)) || at.z >= 1.0) {
+        float columns = sparse ? max(round(part * part * pixels), float(i + 1)) : float(i + 1);
+        float t = columns / whole;
+        vec3 at = start + way * t;
+        // In front of the near plane.
+        if (at.z >= 1.0) {
             break;
         }
         float depth = scene_depth(at.xy, steep);

@@ -186,6 +186,8 @@ pub fn options(scene: &str, sky: Option<&str>, output: &Path) -> cairn_bake::Opt
         environment: sky.map(|sky| assets.join(sky)),
         output: output.to_owned(),
         texture_quality: cairn_bake::encode::Quality::Default,
+        light: Default::default(),
+        sky_format: Default::default(),
         limit_pixels: 1 << 28,
     }
 }
@@ -197,6 +199,8 @@ pub fn quick_options(input: &Path, output: &Path) -> cairn_bake::Options {
         environment: None,
         output: output.to_owned(),
         texture_quality: cairn_bake::encode::Quality::Fast,
+        light: Default::default(),
+        sky_format: Default::default(),
         limit_pixels: 1 << 28,
     }
 }

@@ -2,9 +2,11 @@
 
 mod bc;
 mod bc5;
+mod bc6h;
 mod bc7;
 mod coverage;
 mod error;
+mod hdr;
 mod ispc;
 mod mips;
 mod role;
@@ -18,6 +20,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 pub use error::AngleError;
+pub use hdr::SkyFormat;
 pub use mips::MipFilter;
 pub use role::Role;
 

@@ -16,6 +16,12 @@ pub const DEFAULT_LUT_SIZE: u32 = 128;
 /// Below this `alpha` the specular lobe is a mirror to better than 1e-5.
 const SMALLEST_ALPHA: f64 = 1e-6;
 
+/// Range of `ln tan(theta_h)` about the peak, outside which lie less than 1e-7 of the lobe.
+const LOWEST: f64 = 9.0;
+const HIGHEST: f64 = 12.0;
+/// Widest panel of the outer rule in that variable.
+const PANEL: f64 = 1.5;
+
 /// Table of `size * size` texels `[A, B, C, E]`, rows of constant perceptual roughness.
 ///
 /// Texel `(i, j)` is at `N.V = (i + 0.5) / size`, `roughness = (j + 0.5) / size`.
@@ -74,14 +80,14 @@ impl Integrator {
         let alpha = (roughness * roughness).max(SMALLEST_ALPHA);
         let view = libm::acos(n_dot_v);
         let peak = libm::log(alpha);
-        let start = peak - 9.0;
+        let start = peak - LOWEST;
         // Half vectors up to here keep the light up at every azimuth, up to `end` at some.
         let full = libm::log(libm::tan(0.5 * (FRAC_PI_2 - view)).max(1e-30));
         let steepest = (0.5 * (FRAC_PI_2 + view)).min(FRAC_PI_2 - 1e-9);
-        let end = libm::log(libm::tan(steepest)).min(peak + 12.0);
+        let end = libm::log(libm::tan(steepest)).min(peak + HIGHEST);
         let mut total = (0.0, 0.0);
         let mut segment = |from: f64, to: f64| {
-            let panels = libm::ceil(((to - from) / 1.5).max(1.0));
+            let panels = libm::ceil(((to - from) / PANEL).max(1.0));
             let width = (to - from) / panels;
             for panel in 0..panels as usize {
                 for &(node, weight) in &self.outer.nodes {

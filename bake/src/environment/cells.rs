@@ -1,9 +1,13 @@
 //! A pyramid of sky cells, each with the direction its radiance comes from.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::cubemap::{Cube, downsample, face_solid_angles, texel_direction, to_f32, to_f64};
+use super::cubemap::{
+    Cube, downsample, energy, face_solid_angles, texel_direction, to_f32, to_f64,
+};
 
 /// One level of the pyramid; vectors are indexed like a cube level, face-major.
 pub(super) struct CellLevel {
@@ -25,7 +29,13 @@ pub(super) struct Cell {
     pub centre: [f32; 3],
     /// Unit mean direction weighted by radiance (sum of channels); `centre` where black.
     pub centroid: [f32; 3],
+    /// Cell side that serves this radiance, relative to that of a cell as bright as the mean: the error of a
+    /// cell is its light times its side squared, so bright cells are split further.
+    pub reach: f32,
 }
+
+/// Least [`Cell::reach`].
+const LEAST_REACH: f32 = 0.25;
 
 /// Levels from coarse (at least `coarsest` texels a side) to the cube's finest.
 pub(super) fn build(cube: &Cube, finest: usize, coarsest: u32) -> Vec<CellLevel> {
@@ -44,14 +54,21 @@ pub(super) fn build(cube: &Cube, finest: usize, coarsest: u32) -> Vec<CellLevel>
             }
         })
         .collect();
-    levels.push(level(size, solid_angles, texels, &moments));
+    let mean = (energy(texels, size).element_sum() / (4.0 * PI)) as f32;
+    levels.push(level(size, solid_angles, texels, &moments, mean));
     let mut owned: Option<Vec<[f32; 3]>> = None;
     let mut size = size;
     while size > coarsest && size.is_multiple_of(2) {
         let coarser = downsample(owned.as_deref().unwrap_or(texels), size);
         moments = halve(&moments, size);
         size /= 2;
-        levels.push(level(size, face_solid_angles(size), &coarser, &moments));
+        levels.push(level(
+            size,
+            face_solid_angles(size),
+            &coarser,
+            &moments,
+            mean,
+        ));
         owned = Some(coarser);
     }
     levels.reverse();
@@ -82,13 +99,26 @@ fn halve(moments: &[Moment], size: u32) -> Vec<Moment> {
         .collect()
 }
 
-fn level(size: u32, solid_angles: Vec<f64>, texels: &[[f32; 3]], moments: &[Moment]) -> CellLevel {
+fn level(
+    size: u32,
+    solid_angles: Vec<f64>,
+    texels: &[[f32; 3]],
+    moments: &[Moment],
+    mean: f32,
+) -> CellLevel {
     let cells = texels
         .par_iter()
         .zip(moments)
         .map(|(&radiance, moment)| {
             let centre = moment.area.normalize();
+            let light: f32 = radiance.iter().sum();
+            let reach = if light > mean {
+                (mean / light).sqrt().sqrt()
+            } else {
+                1.0
+            };
             Cell {
+                reach: reach.max(LEAST_REACH),
                 radiance,
                 centre: to_f32(centre),
                 centroid: to_f32(moment.light.try_normalize().unwrap_or(centre)),

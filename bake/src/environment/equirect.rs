@@ -66,7 +66,12 @@ pub(super) struct Rows {
     edges: Vec<f64>,
     /// Half width of the ramp centred on each edge; 0 at the poles.
     ramps: Vec<f64>,
+    /// Row at the upper end of each of equally thick slices of `y`, from the top.
+    slices: Vec<u32>,
 }
+
+/// Slices per row: a row at the equator spans several, so that the search is short there.
+const SLICES_PER_ROW: usize = 4;
 
 impl Rows {
     pub fn new(height: u32) -> Self {
@@ -84,7 +89,21 @@ impl Rows {
             let below = edges[k] - edges[k + 1];
             ramps[k] = 0.5 * above.min(below);
         }
-        Self { edges, ramps }
+        let slices = SLICES_PER_ROW * count;
+        let mut row = 0;
+        let slices = (0..slices).map(|slice| {
+            let y = 1.0 - 2.0 * slice as f64 / slices as f64;
+            while row + 1 < count && y < edges[row + 1] {
+                row += 1;
+            }
+            row as u32
+        });
+        let slices = slices.collect();
+        Self {
+            edges,
+            ramps,
+            slices,
+        }
     }
 
     pub fn count(&self) -> usize {
@@ -103,8 +122,8 @@ impl Rows {
 
     fn row_at(&self, y: f64) -> usize {
         let last = self.count() - 1;
-        let guess = libm::acos(y.clamp(-1.0, 1.0)) / PI * self.count() as f64;
-        let mut row = (guess as usize).min(last);
+        let slice = (0.5 - 0.5 * y).max(0.0) * self.slices.len() as f64;
+        let mut row = self.slices[(slice as usize).min(self.slices.len() - 1)] as usize;
         while row > 0 && y > self.edges[row] {
             row -= 1;
         }

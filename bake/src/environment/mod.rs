@@ -10,8 +10,10 @@ mod importance;
 mod irradiance;
 mod prefilter;
 mod quadrature;
+mod range;
 mod resample;
 mod sheen;
+mod sun;
 #[cfg(test)]
 mod tests;
 mod verify;
@@ -23,6 +25,7 @@ pub use cubemap::{Cube, HALF_MAX, face_direction, level_to_rgba16f};
 pub use equirect::Equirect;
 pub use importance::ImportanceTable;
 pub use prefilter::level_roughness;
+pub use sun::{ExtractedSun, SunMode};
 
 use equirect::Rows;
 
@@ -46,6 +49,10 @@ pub struct EnvironmentOptions {
     pub prefiltered_size: u32,
     /// Side of the last prefiltered level, whose roughness is 1.
     pub prefiltered_last: u32,
+    /// What becomes of the sun.
+    pub sun: SunMode,
+    /// Bound of the relative RMS error of every prefiltered level, from which the work follows.
+    pub error: f64,
     /// Directions at which each product is measured against the f64 reference; 0 measures only
     /// energy.
     pub probes: usize,
@@ -59,6 +66,8 @@ impl Default for EnvironmentOptions {
             irradiance_size: 32,
             prefiltered_size: 256,
             prefiltered_last: 8,
+            sun: SunMode::Auto,
+            error: 2e-3,
             probes: 8,
         }
     }
@@ -81,16 +90,22 @@ pub struct StageReport {
 /// Everything image-based light reads, linear radiance.
 #[derive(Clone, Debug)]
 pub struct EnvironmentProducts {
+    /// What left the map; `None` where nothing did.
+    pub sun: Option<ExtractedSun>,
+    /// Cube texels times this are radiance: a power of two, 1 unless the map leaves half range.
+    pub scale: f32,
     /// Radiance, with every mip.
     pub sky: Cube,
     /// Irradiance divided by pi, one level.
     pub irradiance: Cube,
     /// GGX-filtered radiance; level `i` of `n` has perceptual roughness `i / (n - 1)`.
     pub prefiltered: Cube,
-    /// Irradiance divided by pi: coefficients of [`cairn_format::harmonics::evaluate`].
+    /// Irradiance divided by pi, unscaled: coefficients of [`cairn_format::harmonics::evaluate`].
     pub irradiance_sh: [[f32; 3]; 9],
     /// `None` where the sky is black.
     pub importance: Option<ImportanceTable>,
+    /// The bound that was asked for.
+    pub error_bound: f64,
     /// Texels of all levels above [`HALF_MAX`], which [`level_to_rgba16f`] clamps.
     pub clamped_texels: u64,
     pub reports: Vec<StageReport>,
@@ -107,19 +122,25 @@ const RMS_METRIC: &str = "relative rms against f64 sum over the map";
 /// # Panics
 /// If the map is empty or `texels` does not hold `width * height` values.
 pub fn bake_environment(
-    input: &Equirect,
+    mut input: Equirect,
     options: &EnvironmentOptions,
     progress: &(dyn Fn(&str, f32) + Sync),
 ) -> EnvironmentProducts {
     let expected = u64::from(input.width) * u64::from(input.height);
     assert!(expected > 0 && input.texels.len() as u64 == expected);
+    let rows = Rows::new(input.height);
+    let mut reports = Vec::new();
+    let sun = take_sun(&mut input, &rows, options.sun, &mut reports);
+    let scale = range::normalize(&mut input);
     let mut baker = Baker {
-        input,
-        rows: Rows::new(input.height),
+        input: &input,
+        scale,
+        rows,
         probes: options.probes,
-        reports: Vec::new(),
+        error: options.error,
+        reports,
     };
-    let sizes = Sizes::new(input, options);
+    let sizes = Sizes::new(&input, options);
 
     progress("sky", 0.0);
     let base = baker.sky(sizes.base);
@@ -142,14 +163,41 @@ pub fn bake_environment(
         .map(|cube| cube.texels_above_half())
         .sum();
     EnvironmentProducts {
+        sun: sun.filter(|_| options.sun == SunMode::Auto),
+        scale,
         sky,
         irradiance,
         prefiltered,
         irradiance_sh,
         importance,
+        error_bound: options.error,
         clamped_texels,
         reports: baker.reports,
     }
+}
+
+/// Takes the sun out of the map, and reports how well energy was kept.
+fn take_sun(
+    input: &mut Equirect,
+    rows: &Rows,
+    mode: SunMode,
+    reports: &mut Vec<StageReport>,
+) -> Option<ExtractedSun> {
+    if mode == SunMode::Keep {
+        return None;
+    }
+    let start = Instant::now();
+    let before = input.energy(rows);
+    let sun = sun::extract(input, rows)?;
+    let difference = input.energy(rows) + sun.energy() - before;
+    reports.push(StageReport {
+        name: "sun".into(),
+        seconds: start.elapsed().as_secs_f64(),
+        metric: "relative energy error of sky and sun",
+        error: Some(difference.abs().max_element() / before.max_element()),
+        verify_seconds: 0.0,
+    });
+    Some(sun)
 }
 
 /// Resolved powers of two.
@@ -201,8 +249,11 @@ fn summed(cells: &[cells::CellLevel]) -> &cells::CellLevel {
 
 struct Baker<'a> {
     input: &'a Equirect,
+    /// What the map was divided by.
+    scale: f32,
     rows: Rows,
     probes: usize,
+    error: f64,
     reports: Vec<StageReport>,
 }
 
@@ -242,12 +293,14 @@ impl Baker<'_> {
             error: Some(error),
             verify_seconds: start.elapsed().as_secs_f64(),
         });
-        harmonics.coefficients
+        harmonics
+            .coefficients
+            .map(|rgb| rgb.map(|channel| channel * self.scale))
     }
 
     fn importance(&mut self) -> Option<ImportanceTable> {
         let start = Instant::now();
-        let table = importance::build(self.input, &self.rows, 1.0);
+        let table = importance::build(self.input, &self.rows, self.scale);
         self.reports.push(StageReport {
             name: "importance".into(),
             seconds: start.elapsed().as_secs_f64(),
@@ -278,7 +331,9 @@ impl Baker<'_> {
             let size = cube.level_size(level);
             let roughness = level_roughness(level, levels);
             let alpha = roughness * roughness;
-            let texels = prefilter::prefilter(cells, size, alpha);
+            let cut = prefilter::choose_cut(cells, size, alpha, self.error);
+            let texels = prefilter::prefilter(cells, size, alpha, cut);
+
             let seconds = start.elapsed().as_secs_f64();
             self.report_rms(
                 &format!("prefiltered {level}"),

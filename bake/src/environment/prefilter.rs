@@ -4,13 +4,20 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::cells::CellLevel;
-use super::cubemap::{texel_direction, to_f32};
+use super::cubemap::{texel_direction, to_f32, to_f64};
 use super::ggx::lobe_weight_f32;
+use super::verify::probe_texels;
 
-/// Cell side allowed relative to the lobe's local scale `sqrt(angle^2 + (2 alpha)^2)`.
-const CELL_TO_LOBE: f64 = 0.1;
-/// Largest cell side in radians, whatever the lobe.
-const LARGEST_CELL: f64 = 1.0 / 16.0;
+/// Cell sides allowed relative to the lobe's local scale `sqrt(angle^2 + (2 alpha)^2)`, coarsest first.
+const CUTS: [f64; 8] = [0.8, 0.56, 0.4, 0.28, 0.2, 0.14, 0.1, 0.07];
+/// Cut that stands for the truth when one of [`CUTS`] is chosen.
+const FINEST_CUT: f64 = 0.05;
+/// Largest cell side in radians relative to the cut, whatever the lobe.
+const LARGEST_CELL: f64 = 0.6;
+/// Directions at which a cut is tried.
+const TRIALS: usize = 24;
+/// Share of the bound that a trial may use: it sees few directions.
+const SAFETY: f64 = 0.5;
 /// Side of the level the search starts from.
 pub(super) const COARSEST_CELLS: u32 = 8;
 /// Output texels per side of a tile; a tile shares one list of cells.
@@ -33,7 +40,7 @@ pub fn level_roughness(level: usize, levels: usize) -> f64 {
 /// No sampling: each output integrates a cut through the cell pyramid that covers its whole
 /// hemisphere, fine near the lobe's peak and coarser along its tails, so no light is missed and
 /// the result has no noise. Weights are normalised per texel by the same cut.
-pub(super) fn prefilter(pyramid: &[CellLevel], size: u32, alpha: f64) -> Vec<[f32; 3]> {
+pub(super) fn prefilter(pyramid: &[CellLevel], size: u32, alpha: f64, cut: f64) -> Vec<[f32; 3]> {
     let side = size as usize;
     let tile = TILE.min(side);
     let tiles = side / tile;
@@ -51,7 +58,7 @@ pub(super) fn prefilter(pyramid: &[CellLevel], size: u32, alpha: f64) -> Vec<[f3
                     texel_direction((face * side + y) * side + x, size)
                 })
                 .collect();
-            list.gather(pyramid, &directions, alpha);
+            list.gather(pyramid, &directions, alpha, cut);
             directions
                 .iter()
                 .map(|&direction| list.integrate(direction.as_vec3(), alpha as f32))
@@ -73,6 +80,35 @@ pub(super) fn prefilter(pyramid: &[CellLevel], size: u32, alpha: f64) -> Vec<[f3
     texels
 }
 
+/// The coarsest cut whose relative RMS difference from the finest stays well within `bound`, tried at a few
+/// directions of a level of the given side.
+pub(super) fn choose_cut(pyramid: &[CellLevel], size: u32, alpha: f64, bound: f64) -> f64 {
+    let probes = probe_texels(TRIALS, size);
+    let values = |cut: f64| -> Vec<DVec3> {
+        let value = |list: &mut CellList, &index: &usize| {
+            let direction = texel_direction(index, size);
+            list.gather(pyramid, &[direction], alpha, cut);
+            to_f64(list.integrate(direction.as_vec3(), alpha as f32))
+        };
+        probes
+            .par_iter()
+            .map_init(CellList::default, value)
+            .collect()
+    };
+    let truth = values(FINEST_CUT);
+    let scale: f64 = truth.iter().map(|value| value.length_squared()).sum();
+    let fits = |cut: f64| {
+        let pairs = values(cut).into_iter().zip(&truth);
+        let error: f64 = pairs
+            .map(|(value, truth)| (value - *truth).length_squared())
+            .sum();
+        error <= scale * (SAFETY * bound) * (SAFETY * bound)
+    };
+    CUTS.into_iter()
+        .find(|&cut| fits(cut))
+        .unwrap_or(FINEST_CUT)
+}
+
 /// A cut through the pyramid, structure of arrays, padded with empty cells to whole lanes.
 #[derive(Default)]
 struct CellList {
@@ -86,13 +122,16 @@ struct CellList {
 
 impl CellList {
     /// Collects the cells that serve every one of the tile's directions.
-    fn gather(&mut self, pyramid: &[CellLevel], directions: &[DVec3], alpha: f64) {
+    ///
+    /// Distances are chords, which are never longer than angles: a cell counts as nearer than it is.
+    fn gather(&mut self, pyramid: &[CellLevel], directions: &[DVec3], alpha: f64, cut: f64) {
         self.clear();
         let middle = directions.iter().sum::<DVec3>().normalize();
         let tile_radius = directions
             .iter()
-            .map(|direction| angle_between(*direction, middle))
+            .map(|direction| direction.distance(middle))
             .fold(0.0, f64::max);
+        let largest = LARGEST_CELL * cut;
         self.stack
             .extend((0..pyramid[0].cells.len()).map(|index| (0, index)));
         while let Some((depth, index)) = self.stack.pop() {
@@ -101,12 +140,14 @@ impl CellList {
             let side = 2.0 / f64::from(level.size);
             let radius = side * std::f64::consts::FRAC_1_SQRT_2;
             let centre = Vec3::from(level.cells[index].centre).as_dvec3();
-            let nearest = angle_between(centre, middle) - tile_radius - radius;
-            if nearest > std::f64::consts::FRAC_PI_2 {
+            let nearest = centre.distance(middle) - tile_radius - radius;
+            if nearest > std::f64::consts::SQRT_2 {
                 continue;
             }
             let scale = (nearest.max(0.0) * nearest.max(0.0) + 4.0 * alpha * alpha).sqrt();
-            if depth + 1 == pyramid.len() || side <= LARGEST_CELL.min(CELL_TO_LOBE * scale) {
+            if depth + 1 == pyramid.len()
+                || side <= largest.min(cut * scale) * f64::from(level.cells[index].reach)
+            {
                 self.push(level, index);
             } else {
                 let side = level.size as usize;
@@ -195,9 +236,4 @@ impl CellList {
         let [r, g, b, weight] = lanes.map(total);
         (DVec3::new(r, g, b), weight)
     }
-}
-
-/// Angle between unit vectors, accurate when small.
-fn angle_between(a: DVec3, b: DVec3) -> f64 {
-    2.0 * libm::asin(((a - b).length() * 0.5).min(1.0))
 }

@@ -195,6 +195,7 @@ impl<'a> Run<'a> {
             &options.settings,
             samples,
             target,
+            None,
         )?;
         if last {
             let (image, pixels) = (self.output.image.view(), &self.output.pixels);

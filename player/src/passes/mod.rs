@@ -1,8 +1,13 @@
 //! The passes of a frame, one file each.
 
+pub mod ao_spatial;
+pub mod ao_temporal;
 pub mod compute;
+pub mod contact;
 pub mod depth;
 pub mod forward;
+pub mod gtao;
+pub mod occlusion;
 pub mod pathtrace;
 pub mod resolve_color;
 pub mod resolve_surface;
@@ -27,7 +32,7 @@ use crate::gpu::{
 use crate::graph::Graph;
 use crate::plan::Plan;
 use crate::settings::{Brdf, ShadowFilter};
-use crate::targets::Targets;
+use crate::targets::{AoImages, Targets};
 
 /// Linear radiance before exposure.
 pub const HDR_FORMAT: vk::Format = vk::Format::R16G16B16A16_SFLOAT;
@@ -85,6 +90,10 @@ pub struct Passes {
     pub shadow: Option<shadow::Shadow>,
     pub depth: Option<depth::Depth>,
     pub resolve_surface: Option<compute::ComputePass>,
+    pub gtao: Option<compute::ComputePass>,
+    pub ao_spatial: Option<compute::ComputePass>,
+    pub ao_temporal: Option<compute::ComputePass>,
+    pub contact: Option<compute::ComputePass>,
     pub visibility: Option<visibility::Visibility>,
     pub surface: Option<compute::ComputePass>,
     pub forward: Option<forward::Forward>,
@@ -122,6 +131,16 @@ impl Passes {
         let depth = plan.prepass.then(|| depth::Depth::new(gpu, layouts, plan));
         let resolve_surface = (resolved && plan.normals)
             .then(|| resolve_surface::new(gpu, layouts, graph, targets, plan));
+        let ao = plan.ao.zip(targets.ao);
+        let gtao = ao.map(|(plan, images)| gtao::new(gpu, layouts, graph, images, plan));
+        let ao_spatial =
+            ao.map(|(_, images)| ao_spatial::new(gpu, layouts, graph, targets, images));
+        let ao_temporal = ao
+            .filter(|(plan, _)| plan.temporal)
+            .map(|(_, images)| ao_temporal::new(gpu, layouts, graph, targets, images));
+        let contact = targets
+            .contact
+            .map(|mask| contact::new(gpu, layouts, graph, mask));
         let skybox = (plan.skybox && !plan.compute)
             .then(|| skybox::Skybox::new(gpu, layouts, graph, targets, plan));
         let blended = plan.variant.blended;
@@ -132,6 +151,10 @@ impl Passes {
             shadow: shadow.transpose()?,
             depth: depth.transpose()?,
             resolve_surface: resolve_surface.transpose()?,
+            gtao: gtao.transpose()?,
+            ao_spatial: ao_spatial.transpose()?,
+            ao_temporal: ao_temporal.transpose()?,
+            contact: contact.transpose()?,
             visibility: visibility.transpose()?,
             surface: surface.transpose()?,
             forward: forward.transpose()?,
@@ -153,6 +176,14 @@ impl Passes {
                 resolve_surface::write(set, parity, graph, targets);
             })?;
         }
+        if let Some(images) = targets.ao {
+            self.rebind_ao(layouts, graph, targets, images)?;
+        }
+        if let (Some(pass), Some(mask)) = (&mut self.contact, targets.contact) {
+            pass.rebind(layouts, |set, parity| {
+                contact::write(set, parity, graph, mask);
+            })?;
+        }
         if let Some(pass) = &mut self.surface {
             pass.rebind(layouts, |set, parity| {
                 surface::write(set, parity, graph, targets);
@@ -169,6 +200,33 @@ impl Passes {
         if let Some(pass) = &mut self.resolve_color {
             pass.rebind(layouts, |set, parity| {
                 resolve_color::write(set, parity, graph, targets);
+            })?;
+        }
+        Ok(())
+    }
+}
+
+impl Passes {
+    fn rebind_ao(
+        &mut self,
+        layouts: &Layouts,
+        graph: &Graph,
+        targets: &Targets,
+        images: AoImages,
+    ) -> GpuResult<()> {
+        if let Some(pass) = &mut self.gtao {
+            pass.rebind(layouts, |set, parity| {
+                gtao::write(set, parity, graph, images);
+            })?;
+        }
+        if let Some(pass) = &mut self.ao_spatial {
+            pass.rebind(layouts, |set, parity| {
+                ao_spatial::write(set, parity, graph, targets, images);
+            })?;
+        }
+        if let Some(pass) = &mut self.ao_temporal {
+            pass.rebind(layouts, |set, parity| {
+                ao_temporal::write(set, parity, graph, targets, images);
             })?;
         }
         Ok(())

@@ -1,6 +1,8 @@
 //! Renders packages of a few triangles and compares pixels with what theory says.
 
 mod allocations;
+mod ambient;
+mod contact;
 mod corners;
 mod fixture;
 mod furnace;
@@ -10,6 +12,7 @@ mod pathtrace;
 mod prepass;
 mod punctual;
 mod renderer;
+mod screen;
 mod shading;
 mod shadows;
 mod sky;
