@@ -1,5 +1,8 @@
 //! The frame: the ordered list of passes, and the per-frame data that they read.
 
+#[cfg(feature = "hot-reload")]
+mod reload;
+
 use cairn_format::gpu::{DirectionalLight, FEATURE_SHADOWS, GlobalUniform, NO_TEXTURE};
 use cairn_format::{Frustum, Package, SectionKind};
 use glam::Mat4;

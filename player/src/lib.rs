@@ -18,6 +18,8 @@ pub mod metrics;
 pub mod passes;
 pub mod plan;
 pub mod png;
+#[cfg(feature = "hot-reload")]
+pub mod reload;
 pub mod ruler;
 pub mod scene;
 pub mod settings;

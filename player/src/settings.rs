@@ -22,7 +22,7 @@ use table::Kind::{Choice, Degrees, Integer, Number, OneOf, Switch};
 use table::{choice, group};
 
 /// Reach of ambient occlusion where none is set, as a share of the scene's diagonal.
-pub const AO_RADIUS_SHARE: f32 = 0.1;
+pub const AO_RADIUS_SHARE: f32 = 0.04;
 
 choice! {
     /// What draws the frame.

@@ -362,6 +362,20 @@ impl Tracer {
         Ok(())
     }
 
+    /// Compiles every pipeline anew, and begins a new mean; where one fails, all stay as they are.
+    ///
+    /// # Errors
+    /// Failures of Vulkan.
+    #[cfg(feature = "hot-reload")]
+    pub fn rebuild_pipelines(&mut self, target_format: vk::Format) -> GpuResult<()> {
+        let (gpu, layouts) = (&self.gpu, &self.layouts);
+        let pass = PathTrace::new(gpu, layouts, &self.variant, &self.trace_targets())?;
+        self.tonemap = Tonemap::new(gpu, layouts, target_format)?;
+        self.pass = pass;
+        self.state = None;
+        Ok(())
+    }
+
     fn trace_targets(&self) -> TraceTargets<'_> {
         TraceTargets {
             accumulated: self.graph.owned(self.accumulated),

@@ -206,6 +206,8 @@ struct View<'a> {
     /// Seconds between the last two frames.
     step: f32,
     last: Instant,
+    #[cfg(feature = "hot-reload")]
+    reload: crate::reload::HotReload,
 }
 
 impl<'a> View<'a> {
@@ -259,6 +261,8 @@ impl<'a> View<'a> {
             shown: 0,
             step: 0.0,
             last: Instant::now(),
+            #[cfg(feature = "hot-reload")]
+            reload: crate::reload::HotReload::new(),
         })
     }
 
@@ -322,6 +326,8 @@ impl<'a> View<'a> {
         if self.outdated && !self.rebuild()? {
             return Ok(());
         }
+        #[cfg(feature = "hot-reload")]
+        self.reload_shaders();
         let mut commands = self.frames.begin()?;
         let index = match self.swapchain.acquire(commands.slot())? {
             Acquired::Image(index) => index,
@@ -380,6 +386,32 @@ impl<'a> View<'a> {
         self.outdated |= !fits;
         self.shown = self.shown.wrapping_add(1);
         Ok(())
+    }
+
+    /// Takes shaders that changed on disk; what is wrong with them is logged and shown, and stops nothing.
+    #[cfg(feature = "hot-reload")]
+    fn reload_shaders(&mut self) {
+        let taken = self.reload.look(&mut self.renderer);
+        #[cfg(feature = "ui")]
+        let taken = taken.and_then(|taken| {
+            if taken {
+                let rebuilt = self.panel.rebuild_pipeline(self.swapchain.format());
+                rebuilt.map_err(|error| error.to_string())?;
+                self.panel.error = None;
+            }
+            Ok(taken)
+        });
+        match taken {
+            Ok(true) => eprintln!("shaders reloaded"),
+            Ok(false) => {}
+            Err(error) => {
+                eprintln!("shaders not reloaded: {error}");
+                #[cfg(feature = "ui")]
+                {
+                    self.panel.error = Some(error);
+                }
+            }
+        }
     }
 
     /// Fits the swapchain to the window; false where the window has no size.

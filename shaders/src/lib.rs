@@ -1,6 +1,11 @@
 //! Cairn's shaders as SPIR-V, compiled from GLSL when this crate is built.
 #![warn(missing_docs)]
 
+#[cfg(feature = "hot-reload")]
+mod compile;
+#[cfg(feature = "hot-reload")]
+pub mod reload;
+
 /// A compiled entry point; its name in the module is `main`.
 #[derive(Debug)]
 pub struct Shader {

@@ -119,6 +119,10 @@ pub(super) struct Module<'a> {
 
 impl<'a> Module<'a> {
     pub(super) fn new(shared: &'a Shared, spirv: &[u32]) -> GpuResult<Self> {
+        #[cfg(feature = "hot-reload")]
+        let replaced = cairn_shaders::reload::current(spirv);
+        #[cfg(feature = "hot-reload")]
+        let spirv = replaced.as_deref().unwrap_or(spirv);
         let info = vk::ShaderModuleCreateInfo::default().code(spirv);
         // SAFETY: the device is alive; the words are those that the shader compiler wrote.
         let raw = unsafe { shared.device.create_shader_module(&info, None) }

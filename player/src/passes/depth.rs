@@ -98,7 +98,7 @@ fn pipeline(
             .then(|| shader(cairn_shaders::DEPTH_FRAG.spirv)),
         input: VertexInput::Scene,
         colors: &colors[..if plan.normals { 2 } else { 0 }],
-        depth: Some(depth_state(vk::CompareOp::GREATER, true)),
+        depth: Some(depth_state(vk::CompareOp::GREATER_OR_EQUAL, true)),
         samples: plan.samples,
         depth_bias: false,
     };

@@ -6,11 +6,9 @@ use super::compute::ComputePass;
 use crate::gpu::{DescriptorSet, Gpu, GpuResult, Layouts, Shader};
 use crate::graph::{Graph, Stage, Usage, Uses};
 use crate::plan::AoPlan;
-use crate::settings::AoSettings;
+use crate::settings::{AO_RADIUS_SHARE, AoSettings};
 use crate::targets::{AoImages, Targets};
 
-/// Radius of 0 in the settings: this part of the scene's diagonal.
-const AUTO_RADIUS: f32 = 0.04;
 /// Frames after which the noise repeats.
 const NOISE_FRAMES: u32 = 64;
 
@@ -27,7 +25,7 @@ impl Push {
     /// `diagonal` is the scene's, metres. Without a filter over time the noise stands still.
     pub fn new(settings: &AoSettings, diagonal: f32, frame: u32) -> Self {
         let radius = match settings.radius {
-            0.0 => AUTO_RADIUS * diagonal,
+            0.0 => AO_RADIUS_SHARE * diagonal,
             radius => radius,
         };
         Self {

@@ -305,7 +305,8 @@ fn surface_pipeline(
     let depth = match alpha {
         Alpha::Blended => depth_state(vk::CompareOp::GREATER, false),
         _ if plan.prepass => depth_state(vk::CompareOp::EQUAL, false),
-        _ => depth_state(vk::CompareOp::GREATER, true),
+        // Of equal depths the last one stays, as behind a prepass.
+        _ => depth_state(vk::CompareOp::GREATER_OR_EQUAL, true),
     };
     let constants = plan.variant.constants(alpha);
     let shader = |spirv| Shader {

@@ -67,25 +67,8 @@ impl Ui {
     /// # Errors
     /// Failures of Vulkan.
     pub fn new(gpu: &Gpu, layouts: &Layouts, format: vk::Format) -> GpuResult<Self> {
-        let shader = |spirv| Shader {
-            spirv,
-            constants: &[],
-        };
-        let desc = GraphicsPipelineDesc {
-            name: "ui",
-            vertex: shader(cairn_shaders::UI_VERT.spirv),
-            fragment: Some(shader(cairn_shaders::UI_FRAG.spirv)),
-            input: VertexInput::None,
-            colors: &[ColorTarget {
-                format,
-                blend: Blend::Premultiplied,
-            }],
-            depth: None,
-            samples: 1,
-            depth_bias: false,
-        };
         Ok(Self {
-            pipeline: GraphicsPipeline::new(gpu, layouts, &desc)?,
+            pipeline: pipeline(gpu, layouts, format)?,
             sampler: Sampler::new(gpu, "panel", &SamplerDesc::LINEAR_CLAMP)?,
             gpu: gpu.clone(),
             layouts: layouts.clone(),
@@ -96,6 +79,16 @@ impl Ui {
             draws: Vec::new(),
             points: [1.0; 2],
         })
+    }
+
+    /// Compiles the pipeline anew; where that fails, it stays as it is.
+    ///
+    /// # Errors
+    /// Failures of Vulkan.
+    #[cfg(feature = "hot-reload")]
+    pub fn rebuild_pipeline(&mut self, format: vk::Format) -> GpuResult<()> {
+        self.pipeline = pipeline(&self.gpu, &self.layouts, format)?;
+        Ok(())
     }
 
     /// Takes a frame of egui: changes of the atlas are uploaded, triangles kept for [`Ui::record`]. `extent` is the
@@ -268,4 +261,25 @@ impl Ui {
         }
         commands.end_rendering();
     }
+}
+
+fn pipeline(gpu: &Gpu, layouts: &Layouts, format: vk::Format) -> GpuResult<GraphicsPipeline> {
+    let shader = |spirv| Shader {
+        spirv,
+        constants: &[],
+    };
+    let desc = GraphicsPipelineDesc {
+        name: "ui",
+        vertex: shader(cairn_shaders::UI_VERT.spirv),
+        fragment: Some(shader(cairn_shaders::UI_FRAG.spirv)),
+        input: VertexInput::None,
+        colors: &[ColorTarget {
+            format,
+            blend: Blend::Premultiplied,
+        }],
+        depth: None,
+        samples: 1,
+        depth_bias: false,
+    };
+    GraphicsPipeline::new(gpu, layouts, &desc)
 }

@@ -78,7 +78,7 @@ fn pipeline(
             format: VISIBILITY_FORMAT,
             blend: Blend::None,
         }],
-        depth: Some(depth_state(vk::CompareOp::GREATER, true)),
+        depth: Some(depth_state(vk::CompareOp::GREATER_OR_EQUAL, true)),
         samples: plan.samples,
         depth_bias: false,
     };

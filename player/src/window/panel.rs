@@ -60,6 +60,15 @@ impl Panel {
         })
     }
 
+    /// Compiles the pipeline anew; where that fails, it stays as it is.
+    ///
+    /// # Errors
+    /// Failures of Vulkan.
+    #[cfg(feature = "hot-reload")]
+    pub fn rebuild_pipeline(&mut self, format: vk::Format) -> GpuResult<()> {
+        self.painter.rebuild_pipeline(format)
+    }
+
     /// Passes an event on; true where the panel used it.
     pub fn event(&mut self, window: &Window, event: &WindowEvent) -> bool {
         self.visible && self.input.on_window_event(window, event).consumed

@@ -11,6 +11,8 @@ mod output;
 mod pathtrace;
 mod prepass;
 mod punctual;
+#[cfg(feature = "hot-reload")]
+mod reload;
 mod renderer;
 mod screen;
 mod shading;

@@ -15,20 +15,25 @@ use crate::settings::{Brdf, LightSource, Settings, ShadowFilter};
 
 const FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
 
-struct Stage<'a> {
-    gpu: &'a Gpu,
-    package: &'a Package,
-    scene: &'a GpuScene,
-    frames: Frames,
+pub(super) struct Stage<'a> {
+    pub gpu: &'a Gpu,
+    pub package: &'a Package,
+    pub scene: &'a GpuScene,
+    pub frames: Frames,
 }
 
 impl Stage<'_> {
-    fn renderer(&self, size: [u32; 2], settings: &Settings) -> Renderer {
+    pub fn renderer(&self, size: [u32; 2], settings: &Settings) -> Renderer {
         Renderer::new(self.gpu, self.scene, self.package, FORMAT, size, settings).expect("builds")
     }
 
     /// Draws two frames into one target; the half floats of the last.
-    fn draw(&mut self, renderer: &mut Renderer, size: [u32; 2], settings: &Settings) -> Vec<u16> {
+    pub fn draw(
+        &mut self,
+        renderer: &mut Renderer,
+        size: [u32; 2],
+        settings: &Settings,
+    ) -> Vec<u16> {
         let target = Image::new(
             self.gpu,
             &ImageDesc {
