@@ -231,6 +231,22 @@ impl SceneArgs {
         Ok(settings)
     }
 
+    /// As [`Self::settings`] of the defaults, for what is measured: a denoised picture is no reference, and its time
+    /// not the path tracer's.
+    ///
+    /// # Errors
+    /// As [`Self::settings`]; [`PlayerError::Input`] where they denoise.
+    pub fn measured_settings(&self) -> Result<Settings, PlayerError> {
+        let settings = self.settings(Settings::default())?;
+        if settings.path.denoise {
+            return Err(PlayerError::Input(
+                "--path-denoise (`path.denoise`): what is measured is never denoised; leave it out"
+                    .into(),
+            ));
+        }
+        Ok(settings)
+    }
+
     /// The camera that `--camera` stands for.
     ///
     /// # Errors

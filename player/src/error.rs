@@ -11,6 +11,10 @@ pub enum PlayerError {
     /// Vulkan is missing, lacks something, or failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),
+    /// Open Image Denoise is missing, or failed.
+    #[cfg(feature = "oidn")]
+    #[error(transparent)]
+    Denoise(#[from] crate::gpu::oidn::OidnError),
     /// The command line or a file named on it is wrong.
     #[error("{0}")]
     Input(String),
@@ -22,6 +26,8 @@ impl PlayerError {
         match self {
             Self::Package(_) | Self::Input(_) => 2,
             Self::Gpu(_) => 1,
+            #[cfg(feature = "oidn")]
+            Self::Denoise(_) => 1,
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Renders a package without a window and reads the image back.
 
+pub mod denoise;
 pub mod trace;
 
 use std::ffi::CStr;
@@ -17,6 +18,7 @@ use crate::gpu::{
 };
 use crate::scene::{GpuScene, SceneStats};
 use crate::settings::{Mode, Settings};
+use denoise::Denoiser;
 use trace::{TraceOptions, TraceStats, trace_on};
 
 /// Display-encoded output, which a shader encodes.
@@ -66,6 +68,8 @@ pub struct HeadlessImage {
     pub trace: Option<TraceStats>,
     /// Albedo and normal of the first hit, where they were asked for.
     pub guides: Option<[Vec<[f32; 4]>; 2]>,
+    /// Wall time of denoising in milliseconds, where the picture was denoised.
+    pub denoise_ms: Option<f64>,
 }
 
 /// A pass's median GPU time.
@@ -99,21 +103,34 @@ pub fn render(package: &Package, options: &HeadlessOptions) -> Result<HeadlessIm
     Ok(image)
 }
 
-/// As [`render`]; where the settings ask for path tracing, until one of `limits`.
+/// As [`render`]; where the settings ask for path tracing, until one of `limits`, and denoised where they ask for it.
+/// This is the only place that denoises: what is measured against comes from [`trace_on`].
 ///
 /// # Errors
-/// As [`render`].
+/// As [`render`]; where a denoiser is asked for and missing, before anything is rendered.
 pub fn render_traced(
     package: &Package,
     options: &HeadlessOptions,
     limits: &TraceOptions,
 ) -> Result<HeadlessImage, PlayerError> {
+    let asked = options.settings.mode == Mode::PathTrace;
+    let denoiser = (asked && options.settings.path.denoise)
+        .then(Denoiser::open)
+        .transpose()?;
     let gpu = Gpu::new(&options.gpu)?;
-    let traced = options.settings.mode == Mode::PathTrace && gpu.traces_rays();
-    let mut image = if traced {
-        trace_on(&gpu, package, options, limits)?
-    } else {
-        render_on(&gpu, package, options)?
+    let mut image = match &denoiser {
+        _ if !asked || !gpu.traces_rays() => render_on(&gpu, package, options)?,
+        None => trace_on(&gpu, package, options, limits)?,
+        Some(denoiser) => {
+            let guided = TraceOptions {
+                guides: true,
+                ..*limits
+            };
+            let mut image = trace_on(&gpu, package, options, &guided)?;
+            denoise::picture(denoiser, &mut image, &options.settings)?;
+            image.guides = image.guides.filter(|_| limits.guides);
+            image
+        }
     };
     image.validation = gpu.close();
     Ok(image)
@@ -163,6 +180,7 @@ pub fn render_on(
         validation: gpu.validation_messages(),
         trace: None,
         guides: None,
+        denoise_ms: None,
     })
 }
 

@@ -50,7 +50,7 @@ fn bench(args: &BenchArgs) -> Outcome {
         size: [args.scene.size.0, args.scene.size.1],
         camera: args.scene.camera(&package)?,
         path: args.path.clone(),
-        settings: args.scene.settings(Settings::default())?,
+        settings: args.scene.measured_settings()?,
         frames: args.frames,
     };
     let gpu = Gpu::new(&args.scene.gpu())?;
@@ -64,7 +64,7 @@ fn sweep(args: &SweepArgs) -> Outcome {
     let options = SweepOptions {
         size: [args.scene.size.0, args.scene.size.1],
         camera: args.scene.camera(&package)?,
-        settings: args.scene.settings(Settings::default())?,
+        settings: args.scene.measured_settings()?,
         frames: args.frames,
         reference: args.reference.clone(),
         samples: args.spp,
@@ -89,7 +89,7 @@ fn compare(args: &CompareArgs) -> Outcome {
     let options = CompareOptions {
         size: [args.scene.size.0, args.scene.size.1],
         camera: args.scene.camera(&package)?,
-        settings: args.scene.settings(Settings::default())?,
+        settings: args.scene.measured_settings()?,
         frames: args.frames,
         samples: args.spp,
     };
@@ -185,6 +185,8 @@ fn json(
         "draws": image.draws,
         "passes": image.passes,
         "trace": image.trace,
+        "denoised": image.denoise_ms.is_some(),
+        "denoise_ms": image.denoise_ms,
         "non_finite_texels": image.non_finite(),
         "validation_messages": image.validation,
     })
@@ -214,6 +216,9 @@ fn text(args: &ViewArgs, image: &HeadlessImage, open_ms: f64) -> String {
                 .map_or("unknown".into(), |error| format!("{error:.4}")),
             trace.counters.non_finite
         );
+    }
+    if let Some(milliseconds) = image.denoise_ms {
+        let _ = writeln!(text, "  denoised in {milliseconds:.1} ms");
     }
     for pass in &image.passes {
         let _ = writeln!(text, "  {:<16}{:>10.3} ms", pass.name, pass.milliseconds);

@@ -245,6 +245,9 @@ group! {
         seed: u32 = 0, Integer(0, 0x7fff_ffff);
         /// Texture levels follow the width of rays; otherwise the finest is read.
         lod: bool = true, Switch;
+        /// Denoises headless pictures by Open Image Denoise: needs a build with the feature `oidn`, and the library.
+        /// A reference is never denoised: `compare`, `sweep` and `bench` refuse it.
+        denoise: bool = false, Switch;
     }
 }
 

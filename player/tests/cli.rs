@@ -325,3 +325,59 @@ fn compare_and_sweep_write_whole_reports() {
         text(&done.stderr)
     );
 }
+
+#[test]
+fn what_is_measured_is_never_denoised() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let package = empty_package(folder.path());
+    let out = folder.path().join("out");
+    let settings = folder.path().join("settings.json");
+    std::fs::write(&settings, r#"{"path": {"denoise": true}}"#).expect("settings");
+    for arguments in [
+        vec![
+            "compare",
+            path(&package),
+            "-o",
+            path(&out),
+            "--path-denoise",
+        ],
+        vec!["sweep", path(&package), "-o", path(&out), "--path-denoise"],
+        vec![
+            "sweep",
+            path(&package),
+            "-o",
+            path(&out),
+            "--settings",
+            path(&settings),
+        ],
+        vec!["bench", path(&package), "--path-denoise"],
+    ] {
+        let done = player(&arguments);
+        let message = text(&done.stderr);
+        assert_eq!(done.status.code(), Some(2), "{arguments:?}: {message}");
+        assert!(message.contains("--path-denoise"), "{message}");
+    }
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_missing_denoiser_is_said_before_anything_is_rendered() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let package = empty_package(folder.path());
+    let picture = folder.path().join("out.png");
+    let done = Command::new(env!("CARGO_BIN_EXE_cairn-player"))
+        .args([path(&package), "--headless", "--mode", "path-trace"])
+        .args(["--path-denoise", "-o", path(&picture)])
+        .env("CAIRN_OIDN", "/nowhere/libOpenImageDenoise.so.2")
+        .output()
+        .expect("cairn-player runs");
+    let message = text(&done.stderr);
+    let (code, remedy) = if cfg!(feature = "oidn") {
+        (1, "CAIRN_OIDN")
+    } else {
+        (2, "--features oidn")
+    };
+    assert_eq!(done.status.code(), Some(code), "{message}");
+    assert!(message.contains(remedy), "{message}");
+    assert!(!picture.exists());
+}

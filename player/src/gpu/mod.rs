@@ -12,6 +12,8 @@ pub mod error;
 pub mod frame_sync;
 pub mod image;
 mod instance;
+#[cfg(feature = "oidn")]
+pub mod oidn;
 pub mod pipeline;
 mod pipeline_cache;
 mod query;

@@ -287,6 +287,7 @@ impl<'a> Run<'a> {
                 .transpose()?
                 .map(|guides| guides.map(|guide| guide[..self.output.texels].to_vec())),
             trace: Some(stats),
+            denoise_ms: None,
         })
     }
 }

@@ -1,5 +1,6 @@
 //! The path tracer against theory: what is known of an image in closed form or by quadrature.
 
+mod denoise;
 mod lights;
 mod robustness;
 mod sampling;
