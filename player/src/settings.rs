@@ -9,7 +9,7 @@
 //! name: type = default, kind;
 //! ```
 //!
-//! `type` is `bool`, `u32`, `f32` or an enumeration declared with `choice!`; `kind` is [`Kind::Switch`],
+//! `type` is `bool`, `u32`, `f32` or an enumeration declared with `choice!`; `kind` is [`Switch`],
 //! `Integer(least, most)`, `OneOf(&[..])`, `Number(least, most)`, `Degrees(least, most)` (an `f32` in radians that
 //! people write in degrees; JSON has radians) or `Choice(Type::CHOICES)`. The flag is `--GROUP-NAME` with hyphens;
 //! `enabled` is `--GROUP`. A switch has `--X` and `--no-X`. A test holds that every default is allowed.

@@ -279,8 +279,8 @@ fn compare_and_sweep_write_whole_reports() {
     let json: serde_json::Value = serde_json::from_slice(&json).expect("JSON");
     assert_eq!(
         json["rows"].as_array().map(Vec::len),
-        Some(0),
-        "an empty scene lights nothing"
+        Some(1),
+        "an empty scene has no lights to compare"
     );
     let traces = cairn_player::gpu::Gpu::new(&cairn_player::gpu::GpuOptions::default())
         .is_ok_and(|gpu| gpu.traces_rays());

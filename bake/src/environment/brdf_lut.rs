@@ -28,7 +28,7 @@ const PANEL: f64 = 1.5;
 /// - Specular albedo of the height-correlated Smith GGX BRDF is `F0 * A + B`.
 /// - `C`, the same in every row, is the integral of `(1 - V.H)^5 N.L / pi` over the hemisphere, so
 ///   glTF's diffuse term `(1 - F) / pi` integrates to `(1 - F0) (1 - C)`.
-/// - `E` is the directional albedo of white sheen (see [`super::sheen`]) where `sheen` asks for it, else 0.
+/// - `E` is the directional albedo of white sheen (see `sheen.rs`) where `sheen` asks for it, else 0.
 ///
 /// Split sum: Karis, "Real Shading in Unreal Engine 4", 2013; visibility: Heitz, JCGT 2014.
 /// Absolute error below 1e-4.
