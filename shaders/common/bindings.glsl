@@ -50,6 +50,12 @@ layout(set = 0, binding = 15, scalar) readonly buffer DrawGroupBuffer {
     DrawGroup draw_groups[];
 };
 
+// Linear RGBA of a vertex of the arena.
+vec4 arena_color(uint vertex) {
+    VertexColor color = vertex_colors[vertex];
+    return vec4(unpackUnorm2x16(color.red_green), unpackUnorm2x16(color.blue_alpha));
+}
+
 layout(set = 1, binding = 0) uniform sampler2D textures[];
 layout(set = 1, binding = 1) uniform samplerCube cubes[];
 

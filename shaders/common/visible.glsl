@@ -83,11 +83,6 @@ vec3 unit_or_zero(vec3 v) {
     return length2 > 0.0 ? v * inversesqrt(length2) : vec3(0.0);
 }
 
-vec4 corner_color(uint corner) {
-    VertexColor color = vertex_colors[corner];
-    return vec4(unpackUnorm2x16(color.red_green), unpackUnorm2x16(color.blue_alpha));
-}
-
 // The surface behind `pixel`; interpolates what forward.vert writes.
 Fetched fetch_visible(uvec2 texel, vec2 pixel) {
     Triangle t = fetch_triangle(texel);
@@ -116,7 +111,7 @@ Fetched fetch_visible(uvec2 texel, vec2 pixel) {
     }
     f.vertex_color = vec4(1.0);
     if (HAS_VERTEX_COLORS) {
-        f.vertex_color = mat3x4(corner_color(t.corners.x), corner_color(t.corners.y), corner_color(t.corners.z)) * b.at;
+        f.vertex_color = mat3x4(arena_color(t.corners.x), arena_color(t.corners.y), arena_color(t.corners.z)) * b.at;
     }
     // The provoking vertex's, as flat interpolation has it.
     f.frame.handedness = mirrored ? -v[0].tangent.w : v[0].tangent.w;

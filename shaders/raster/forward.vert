@@ -46,7 +46,6 @@ void main() {
     out_material = instance.material_index;
     if (HAS_VERTEX_COLORS) {
         // The index includes the draw's vertex offset, so it counts from the arena's beginning.
-        VertexColor color = vertex_colors[gl_VertexIndex];
-        out_vertex_color = vec4(unpackUnorm2x16(color.red_green), unpackUnorm2x16(color.blue_alpha));
+        out_vertex_color = arena_color(gl_VertexIndex);
     }
 }

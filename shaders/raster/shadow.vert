@@ -26,7 +26,7 @@ void main() {
         out_material = instance.material_index;
         out_alpha = 1.0;
         if (HAS_VERTEX_COLORS) {
-            out_alpha = unpackUnorm2x16(vertex_colors[gl_VertexIndex].blue_alpha).y;
+            out_alpha = arena_color(gl_VertexIndex).a;
         }
     }
 }

@@ -25,7 +25,7 @@ void main() {
         out_uv = vec4(in_uv0, in_uv1);
         out_alpha = 1.0;
         if (HAS_VERTEX_COLORS) {
-            out_alpha = unpackUnorm2x16(vertex_colors[gl_VertexIndex].blue_alpha).y;
+            out_alpha = arena_color(gl_VertexIndex).a;
         }
     }
 }

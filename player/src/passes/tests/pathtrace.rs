@@ -8,7 +8,7 @@ mod sampling;
 use cairn_format::gpu::Material;
 use glam::{Mat4, Vec3};
 
-use super::fixture::{Fixture, Object, quad, sphere};
+use super::fixture::{Fixture, Object, colored, quad, sphere, unlit};
 use super::{device, options, plain, towards_origin};
 use crate::camera::Camera;
 use crate::gpu::Gpu;
@@ -207,4 +207,23 @@ fn a_sphere_under_a_constant_sky_is_even() {
     );
     assert_close(mean(&image, 0), 1.0, 0.003);
     assert_eq!(gpu.close(), Vec::<String>::new());
+}
+
+#[test]
+fn vertex_colours_tint_all_channels_alike() {
+    let Some(gpu) = device() else { return };
+    let color = [0.9, 0.5, 0.3, 1.0];
+    let fixture = Fixture {
+        objects: vec![
+            quad(0, vec![Mat4::from_translation(Vec3::new(0.0, 0.0, -5.0))]),
+            colored(wide(0, 1e3), color),
+        ],
+        materials: vec![unlit([1.0; 4])],
+        ..Fixture::default()
+    };
+    let camera = towards_origin(Vec3::new(0.0, 0.0, 3.0));
+    let image = trace(&gpu, &fixture, [4, 4], camera, traced(), &samples(1));
+    for (channel, expected) in color[..3].iter().enumerate() {
+        assert_close(mean(&image, channel), f64::from(*expected), 1e-4);
+    }
 }
