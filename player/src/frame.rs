@@ -19,8 +19,8 @@ use crate::lights::Lights;
 use crate::passes::Passes;
 use crate::passes::depth::DepthImages;
 use crate::passes::occlusion::{self, Surroundings};
-use crate::passes::shade::VisiblePush;
 use crate::passes::shadow::{Casters, ShadowView};
+use crate::passes::visible::VisiblePush;
 use crate::passes::{resolve_color, resolve_surface, shade, surface};
 use crate::plan::{Plan, ShadowMap};
 use crate::scene::{self, GpuScene};
@@ -481,14 +481,6 @@ impl Slot {
         )?;
         let mut set = scene.layouts.allocate(SetIndex::Frame, "frame")?;
         scene.bind(&mut set, &uniform, &lights)?;
-        let limit = u64::from(gpu.limits().max_storage_buffer_range);
-        let arenas = [&scene.vertices, &scene.indices, &scene.draw_groups];
-        for (binding, arena) in (13..).zip(arenas) {
-            // A plan shades in compute only where all three fit.
-            if let Some(arena) = arena.as_ref().filter(|arena| arena.size() <= limit) {
-                set.write_buffer(binding, arena)?;
-            }
-        }
         Ok(Self {
             uniform,
             visible,

@@ -189,6 +189,17 @@ impl GpuScene {
                 set.write_buffer(binding, buffer)?;
             }
         }
+        let arenas = [
+            (13, &self.vertices),
+            (14, &self.indices),
+            (15, &self.draw_groups),
+        ];
+        for (binding, arena) in arenas {
+            // A plan shades in compute only where all three fit.
+            if let Some(arena) = arena.as_ref().filter(|arena| set.takes(arena)) {
+                set.write_buffer(binding, arena)?;
+            }
+        }
         Ok(())
     }
 

@@ -22,7 +22,7 @@ use table::Kind::{Choice, Degrees, Integer, Number, OneOf, Switch};
 use table::{choice, group};
 
 /// Reach of ambient occlusion where none is set, as a share of the scene's diagonal.
-pub const AO_RADIUS_SHARE: f32 = 0.04;
+const AO_RADIUS_SHARE: f32 = 0.04;
 
 choice! {
     /// What draws the frame.
@@ -341,6 +341,16 @@ impl Settings {
     /// Replaces the value there; false where it is not allowed.
     pub fn set(&mut self, place: Place, value: table::Value) -> bool {
         self.group_mut(place.group).set(place.field, value)
+    }
+}
+
+impl AoSettings {
+    /// Reach in a scene of this diagonal, metres.
+    pub fn reach(&self, diagonal: f32) -> f32 {
+        match self.radius {
+            0.0 => AO_RADIUS_SHARE * diagonal,
+            radius => radius,
+        }
     }
 }
 

@@ -146,6 +146,11 @@ impl Targets {
         Ok(targets)
     }
 
+    /// Whether what is drawn has several samples, and what is read one.
+    pub fn is_resolved(&self) -> bool {
+        self.drawn.depth != self.depth.current
+    }
+
     /// Set 2 of frames of this parity.
     pub fn set(&self, parity: usize) -> &DescriptorSet {
         &self.sets[parity % 2]

@@ -53,12 +53,8 @@ vec4 vertex_color(GeometryInfo geometry, Corners c) {
         return vec4(1.0);
     }
     uint first = uint((geometry.vertex_buffer_address - push.vertices) / 56ul);
-    vec4 sum = vec4(0.0);
-    for (int corner = 0; corner < 3; ++corner) {
-        VertexColor color = vertex_colors[first + c.index[corner]];
-        sum += c.weight[corner] * vec4(unpackUnorm2x16(color.red_green), unpackUnorm2x16(color.blue_alpha));
-    }
-    return sum;
+    uvec3 at = first + c.index;
+    return mat3x4(arena_color(at.x), arena_color(at.y), arena_color(at.z)) * c.weight;
 }
 
 #endif

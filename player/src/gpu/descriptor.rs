@@ -233,6 +233,11 @@ impl DescriptorSet {
         self.index
     }
 
+    /// Whether shaders may see the whole of a storage buffer.
+    pub fn takes(&self, buffer: &Buffer) -> bool {
+        buffer.size() <= u64::from(self.shared.limits.max_storage_buffer_range)
+    }
+
     /// Binds a whole buffer.
     ///
     /// # Errors

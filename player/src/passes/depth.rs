@@ -1,6 +1,8 @@
 //! Depth of opaque and cut surfaces before anything is shaded, with normals and roughness where a pass reads them.
 
-use super::{Alpha, FAR_DEPTH, NORMAL_FORMAT, ROUGHNESS_FORMAT, Variant, bucket, depth_state};
+use super::{
+    Alpha, FAR_DEPTH, NORMAL_FORMAT, ROUGHNESS_FORMAT, SurfacePipelines, Variant, depth_state,
+};
 use crate::draw::Draw;
 use crate::gpu::{
     Blend, ColorAttachment, ColorTarget, Commands, DepthAttachment, Gpu, GpuResult,
@@ -13,10 +15,7 @@ const NO_NORMAL: [f32; 4] = [0.5, 0.5, 0.5, 1.0];
 const NO_ROUGHNESS: [f32; 4] = [1.0; 4];
 
 /// The pass's pipelines.
-pub struct Depth {
-    opaque: GraphicsPipeline,
-    masked: Option<GraphicsPipeline>,
-}
+pub struct Depth(SurfacePipelines);
 
 /// What the pass draws to.
 #[derive(Clone, Copy)]
@@ -27,14 +26,10 @@ pub struct DepthImages<'a> {
 }
 
 impl Depth {
-    /// Builds what the package needs: without masked groups there is no pipeline that discards.
+    /// Builds what the package needs.
     pub fn new(gpu: &Gpu, layouts: &Layouts, plan: &Plan) -> GpuResult<Self> {
-        let masked = plan.variant.masked;
-        let masked = masked.then(|| pipeline(gpu, layouts, plan, Alpha::Cut));
-        Ok(Self {
-            opaque: pipeline(gpu, layouts, plan, Alpha::Ignored)?,
-            masked: masked.transpose()?,
-        })
+        let build = |alpha| pipeline(gpu, layouts, plan, alpha);
+        SurfacePipelines::new(plan.variant.masked, build).map(Self)
     }
 
     /// Clears the targets and draws. Sets and vertex buffers are bound.
@@ -63,10 +58,7 @@ impl Depth {
             }
             None => commands.begin_rendering(extent, &[], Some(depth)),
         }
-        bucket(commands, extent, &self.opaque, opaque);
-        if let Some(pipeline) = &self.masked {
-            bucket(commands, extent, pipeline, masked);
-        }
+        self.0.draw(commands, extent, opaque, masked);
         commands.end_rendering();
     }
 }

@@ -1,10 +1,9 @@
 //! Opaque surfaces, then those cut by alpha, with depth.
 
-use super::{Alpha, FAR_DEPTH, bucket, surface_pipeline};
+use super::{FAR_DEPTH, SurfacePipelines, surface_pipeline};
 use crate::draw::Draw;
 use crate::gpu::{
-    ColorAttachment, Commands, DepthAttachment, Gpu, GpuResult, GraphicsPipeline, ImageRef,
-    Layouts, Load,
+    ColorAttachment, Commands, DepthAttachment, Gpu, GpuResult, ImageRef, Layouts, Load,
 };
 use crate::plan::Plan;
 
@@ -13,20 +12,17 @@ const BACKGROUND: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 
 /// The pass's pipelines.
 pub struct Forward {
-    opaque: GraphicsPipeline,
-    /// Absent behind a prepass too, which has cut already.
-    masked: Option<GraphicsPipeline>,
+    pipelines: SurfacePipelines,
     prepass: bool,
 }
 
 impl Forward {
-    /// Builds what the package needs: without masked groups there is no pipeline that discards.
+    /// Builds what the package needs. A prepass has cut already: nothing discards behind one.
     pub fn new(gpu: &Gpu, layouts: &Layouts, plan: &Plan) -> GpuResult<Self> {
         let cuts = plan.variant.masked && !plan.prepass;
-        let masked = cuts.then(|| surface_pipeline(gpu, layouts, plan, Alpha::Cut));
+        let build = |alpha| surface_pipeline(gpu, layouts, plan, alpha);
         Ok(Self {
-            opaque: surface_pipeline(gpu, layouts, plan, Alpha::Ignored)?,
-            masked: masked.transpose()?,
+            pipelines: SurfacePipelines::new(cuts, build)?,
             prepass: plan.prepass,
         })
     }
@@ -56,9 +52,7 @@ impl Forward {
             store: true,
         };
         commands.begin_rendering(extent, &[color], Some(depth));
-        bucket(commands, extent, &self.opaque, opaque);
-        let pipeline = self.masked.as_ref().unwrap_or(&self.opaque);
-        bucket(commands, extent, pipeline, masked);
+        self.pipelines.draw(commands, extent, opaque, masked);
         commands.end_rendering();
     }
 }

@@ -6,7 +6,7 @@ use super::compute::ComputePass;
 use crate::gpu::{DescriptorSet, Gpu, GpuResult, Layouts, Shader};
 use crate::graph::{Graph, Stage, Usage, Uses};
 use crate::plan::AoPlan;
-use crate::settings::{AO_RADIUS_SHARE, AoSettings};
+use crate::settings::AoSettings;
 use crate::targets::{AoImages, Targets};
 
 /// Frames after which the noise repeats.
@@ -24,12 +24,8 @@ pub struct Push {
 impl Push {
     /// `diagonal` is the scene's, metres. Without a filter over time the noise stands still.
     pub fn new(settings: &AoSettings, diagonal: f32, frame: u32) -> Self {
-        let radius = match settings.radius {
-            0.0 => AO_RADIUS_SHARE * diagonal,
-            radius => radius,
-        };
         Self {
-            radius,
+            radius: settings.reach(diagonal),
             thin_compensation: settings.thin_compensation,
             noise_frame: match settings.temporal {
                 0.0 => 0,

@@ -20,6 +20,7 @@ pub mod transparent;
 #[cfg(feature = "ui")]
 pub mod ui;
 pub mod visibility;
+pub mod visible;
 
 #[cfg(test)]
 mod tests;
@@ -280,13 +281,6 @@ impl Variant {
     }
 }
 
-/// Specialisation constants of `surface.comp` and `shade.comp`: the surfaces', then those of `samples.glsl`.
-fn visible_constants(plan: &Plan) -> Vec<(u32, u32)> {
-    let mut constants = plan.variant.constants(Alpha::Ignored).to_vec();
-    constants.extend([(32, plan.samples), (33, u32::from(plan.skybox))]);
-    constants
-}
-
 /// A pipeline of the scene's surfaces. Behind a prepass, only what has the prepass's depth is shaded, so that cut
 /// surfaces need no second test; without one, depth is tested and written. Blended colour is
 /// `src * a + dst * (1 - a)`, glTF's "over".
@@ -359,6 +353,33 @@ fn front_face(draw: &Draw) -> vk::FrontFace {
         vk::FrontFace::CLOCKWISE
     } else {
         vk::FrontFace::COUNTER_CLOCKWISE
+    }
+}
+
+/// What draws a pass's surfaces: opaque ones, and those cut by alpha.
+pub(crate) struct SurfacePipelines {
+    opaque: GraphicsPipeline,
+    /// Absent where nothing is cut, so that no pipeline discards.
+    masked: Option<GraphicsPipeline>,
+}
+
+impl SurfacePipelines {
+    fn new(masked: bool, build: impl Fn(Alpha) -> GpuResult<GraphicsPipeline>) -> GpuResult<Self> {
+        Ok(Self {
+            opaque: build(Alpha::Ignored)?,
+            masked: masked.then(|| build(Alpha::Cut)).transpose()?,
+        })
+    }
+
+    /// The pipeline of surfaces cut by alpha; without one of their own they draw as the others.
+    fn masked(&self) -> &GraphicsPipeline {
+        self.masked.as_ref().unwrap_or(&self.opaque)
+    }
+
+    /// Draws both lists. Targets, sets and vertex buffers are bound.
+    fn draw(&self, commands: &mut Commands, extent: [u32; 2], opaque: &[Draw], masked: &[Draw]) {
+        bucket(commands, extent, &self.opaque, opaque);
+        bucket(commands, extent, self.masked(), masked);
     }
 }
 

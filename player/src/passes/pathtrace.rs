@@ -209,11 +209,6 @@ pub fn push(
     let bit = |condition: bool, bit: u32| if condition { bit } else { 0 };
     let environment = trace.has_environment_table() && settings.ibl_intensity > 0.0;
     let points = lights.directional + lights.punctual;
-    let radius = if settings.ao.radius > 0.0 {
-        settings.ao.radius
-    } else {
-        trace.diagonal * crate::settings::AO_RADIUS_SHARE
-    };
     PathTracePush {
         mesh_instances: trace.mesh_instances(),
         sun_direction: lights.sun.map_or([0.0, 1.0, 0.0], |sun| sun.direction),
@@ -234,7 +229,7 @@ pub fn push(
                 LIGHT_EMITTERS,
             ),
         punctual_light_count: lights.punctual,
-        occlusion_distance: radius,
+        occlusion_distance: settings.ao.reach(trace.diagonal),
         seed: path.seed,
         show_sky: u32::from(settings.skybox && scene.has_environment()),
         directional_light_count: lights.directional,

@@ -6,7 +6,7 @@
 use cairn_format::gpu::{DrawGroup, ShadowPush};
 use cairn_format::{Aabb, BoundsView};
 
-use super::{Alpha, FAR_DEPTH, depth_state, issue};
+use super::{Alpha, FAR_DEPTH, SurfacePipelines, depth_state, issue};
 use crate::camera::Camera;
 use crate::cascade::{Cascade, Cascades, MAX_CASCADES};
 use crate::draw::{Draw, DrawList, DrawStats};
@@ -23,10 +23,7 @@ use crate::settings::ShadowSettings;
 const MAX_BIAS: f32 = 4.0;
 
 /// The pass's pipelines.
-pub struct Shadow {
-    opaque: GraphicsPipeline,
-    masked: Option<GraphicsPipeline>,
-}
+pub struct Shadow(SurfacePipelines);
 
 /// The cascades of a frame, and what they draw. Buffers keep their capacity between frames.
 #[derive(Default)]
@@ -138,14 +135,10 @@ impl ShadowView {
 }
 
 impl Shadow {
-    /// Builds what the package needs: without masked groups there is no pipeline that discards.
+    /// Builds what the package needs.
     pub fn new(gpu: &Gpu, layouts: &Layouts, plan: &Plan) -> GpuResult<Self> {
-        let masked = plan.variant.masked;
-        let masked = masked.then(|| pipeline(gpu, layouts, plan, Alpha::Cut));
-        Ok(Self {
-            opaque: pipeline(gpu, layouts, plan, Alpha::Ignored)?,
-            masked: masked.transpose()?,
-        })
+        let build = |alpha| pipeline(gpu, layouts, plan, alpha);
+        SurfacePipelines::new(plan.variant.masked, build).map(Self)
     }
 
     /// Clears and draws every layer whose cascade moved. Sets, vertices and indices are bound; binding 1 is left at
@@ -175,10 +168,9 @@ impl Shadow {
                 },
             );
             commands.bind_vertex_buffer(1, casters, offset);
-            self.bucket(commands, &self.opaque, extent, view, cascade, &list.opaque);
-            if let Some(masked) = &self.masked {
-                self.bucket(commands, masked, extent, view, cascade, &list.masked);
-            }
+            let (opaque, masked) = (&self.0.opaque, self.0.masked());
+            self.bucket(commands, opaque, extent, view, cascade, &list.opaque);
+            self.bucket(commands, masked, extent, view, cascade, &list.masked);
             commands.end_rendering();
             offset += size_of_val(&list.visible[..]) as u64;
         }

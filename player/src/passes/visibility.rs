@@ -1,6 +1,6 @@
 //! Which triangle each sample sees: all that rasterisation decides before surfaces are shaded in compute.
 
-use super::{Alpha, FAR_DEPTH, VISIBILITY_FORMAT, bucket, depth_state};
+use super::{Alpha, FAR_DEPTH, SurfacePipelines, VISIBILITY_FORMAT, depth_state};
 use crate::draw::Draw;
 use crate::gpu::{
     Blend, ColorAttachment, ColorTarget, Commands, DepthAttachment, Gpu, GpuResult,
@@ -9,20 +9,13 @@ use crate::gpu::{
 use crate::plan::Plan;
 
 /// The pass's pipelines.
-pub struct Visibility {
-    opaque: GraphicsPipeline,
-    masked: Option<GraphicsPipeline>,
-}
+pub struct Visibility(SurfacePipelines);
 
 impl Visibility {
-    /// Builds what the package needs: without masked groups there is no pipeline that discards.
+    /// Builds what the package needs.
     pub fn new(gpu: &Gpu, layouts: &Layouts, plan: &Plan) -> GpuResult<Self> {
-        let masked = plan.variant.masked;
-        let masked = masked.then(|| pipeline(gpu, layouts, plan, Alpha::Cut));
-        Ok(Self {
-            opaque: pipeline(gpu, layouts, plan, Alpha::Ignored)?,
-            masked: masked.transpose()?,
-        })
+        let build = |alpha| pipeline(gpu, layouts, plan, alpha);
+        SurfacePipelines::new(plan.variant.masked, build).map(Self)
     }
 
     /// Clears depth and draws. Sets and vertex buffers are bound.
@@ -47,10 +40,7 @@ impl Visibility {
             store: true,
         };
         commands.begin_rendering(extent, &[color], Some(depth));
-        bucket(commands, extent, &self.opaque, opaque);
-        if let Some(pipeline) = &self.masked {
-            bucket(commands, extent, pipeline, masked);
-        }
+        self.0.draw(commands, extent, opaque, masked);
         commands.end_rendering();
     }
 }
