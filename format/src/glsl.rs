@@ -54,7 +54,7 @@ mod tests {
             "float" | "uint" => 4,
             "uint64_t" | "vec2" => 8,
             "vec3" => 12,
-            "vec4" => 16,
+            "vec4" | "uvec4" => 16,
             "mat4" => 64,
             other => panic!("no size for {other}"),
         };

@@ -4,92 +4,11 @@
 //! `std140` give the same offsets; padding is explicit and zero. The GLSL mirror is generated from these
 //! declarations by [`crate::glsl`].
 
-use bytemuck::{Pod, Zeroable};
+use bytemuck::Zeroable;
 
-/// One field of a record, as GLSL sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Field {
-    /// Field name, the same in Rust and GLSL.
-    pub name: &'static str,
-    /// Byte offset.
-    pub offset: usize,
-    /// GLSL type, such as `vec4`.
-    pub glsl: &'static str,
-    /// Array length; 0 where the field is no array.
-    pub count: usize,
-}
-
-/// A record with a known layout.
-pub trait Record: Pod {
-    /// Type name, the same in Rust and GLSL.
-    const NAME: &'static str;
-    /// Every field in order, without gaps.
-    const FIELDS: &'static [Field];
-}
-
-/// A field type and its GLSL spelling.
-pub trait GlslType {
-    /// GLSL type name.
-    const NAME: &'static str;
-    /// Array length; 0 where the type is no array.
-    const COUNT: usize = 0;
-}
-
-macro_rules! glsl_types {
-    ($($rust:ty => $glsl:literal $([$count:literal])?),* $(,)?) => {
-        $(impl GlslType for $rust {
-            const NAME: &'static str = $glsl;
-            $(const COUNT: usize = $count;)?
-        })*
-    };
-}
-
-glsl_types! {
-    f32 => "float",
-    u32 => "uint",
-    u64 => "uint64_t",
-    [f32; 2] => "vec2",
-    [f32; 3] => "vec3",
-    [f32; 4] => "vec4",
-    [[f32; 4]; 3] => "vec4"[3],
-    [[f32; 4]; 4] => "mat4",
-    [[[f32; 4]; 4]; 4] => "mat4"[4],
-}
-
-/// Declares a `repr(C)` record, asserts its size and every offset at compile time, and lists its fields.
-macro_rules! gpu_record {
-    (
-        $(#[$meta:meta])*
-        pub struct $name:ident : $size:literal {
-            $($(#[$field_meta:meta])* pub $field:ident : $ty:ty = $offset:literal,)*
-        }
-    ) => {
-        $(#[$meta])*
-        #[repr(C)]
-        #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-        pub struct $name {
-            $($(#[$field_meta])* pub $field: $ty,)*
-        }
-
-        const _: () = {
-            assert!(std::mem::size_of::<$name>() == $size);
-            $(assert!(std::mem::offset_of!($name, $field) == $offset);)*
-        };
-
-        impl $crate::gpu::Record for $name {
-            const NAME: &'static str = stringify!($name);
-            const FIELDS: &'static [$crate::gpu::Field] = &[
-                $($crate::gpu::Field {
-                    name: stringify!($field),
-                    offset: $offset,
-                    glsl: <$ty as $crate::gpu::GlslType>::NAME,
-                    count: <$ty as $crate::gpu::GlslType>::COUNT,
-                },)*
-            ];
-        }
-    };
-}
-pub(crate) use gpu_record;
+use crate::record::gpu_record;
+pub use crate::record::{Field, GlslType, Record};
+pub use crate::tracing::*;
 
 gpu_record! {
     /// Per-frame constants: set 0, binding 0, std140.
@@ -313,105 +232,6 @@ gpu_record! {
 }
 
 gpu_record! {
-    /// One geometry of a bottom-level acceleration structure: set 0, binding 5.
-    pub struct GeometryInfo: 24 {
-        /// Device address of the geometry's first [`crate::Vertex`].
-        pub vertex_buffer_address: u64 = 0,
-        /// Device address of the geometry's first u32 index.
-        pub index_buffer_address: u64 = 8,
-        /// Index into the material records.
-        pub material_buffer_offset: u32 = 16,
-        /// First emissive triangle of this geometry behind its instance's [`MeshInstance::first_emissive`];
-        /// [`NO_EMISSION`] where it emits nothing.
-        pub emissive_offset: u32 = 20,
-    }
-}
-
-gpu_record! {
-    /// One cell of the environment's importance table: set 0, binding 6, behind the header.
-    ///
-    /// Cells form an equirectangular grid in the panorama's orientation (see
-    /// [`crate::scene::Environment`]), row 0 at +Y. A cell is drawn with probability
-    /// `luminance * solid angle / total_luminance`; a direction within it uniformly in longitude and in
-    /// `y`, so that the density per steradian is `luminance / total_luminance`. The sun is not in the table.
-    pub struct EnvAliasEntry: 12 {
-        /// Probability of keeping this entry.
-        pub prob: f32 = 0,
-        /// Entry taken otherwise.
-        pub alias_index: u32 = 4,
-        /// Mean Rec. 709 luminance of the cell's radiance, scale applied, without the solid-angle weight.
-        pub luminance: f32 = 8,
-    }
-}
-
-gpu_record! {
-    /// Head of the environment's importance table.
-    pub struct EnvAliasHeader: 16 {
-        /// Sum of luminance times steradians; above 0.
-        pub total_luminance: f32 = 0,
-        /// `width * height`.
-        pub entry_count: u32 = 4,
-        /// Columns of the table.
-        pub width: u32 = 8,
-        /// Rows of the table.
-        pub height: u32 = 12,
-    }
-}
-
-gpu_record! {
-    /// One emissive triangle in world space, its corners counter-clockwise seen from the front: set 0, binding 7.
-    pub struct EmissiveTriangle: 96 {
-        /// First corner.
-        pub v0: [f32; 3] = 0,
-        /// Zero.
-        pub pad_12: u32 = 12,
-        /// Second corner.
-        pub v1: [f32; 3] = 16,
-        /// Zero.
-        pub pad_28: u32 = 28,
-        /// Third corner.
-        pub v2: [f32; 3] = 32,
-        /// Zero.
-        pub pad_44: u32 = 44,
-        /// Linear RGB factor.
-        pub emission: [f32; 3] = 48,
-        /// Square metres.
-        pub area: f32 = 60,
-        /// Index into the material records.
-        pub material_index: u32 = 64,
-        /// Weight in the alias table: luminance of the emission, its texture's mean over the triangle included, times
-        /// area times pi, twice that where both sides emit. Zero is never sampled.
-        pub power: f32 = 68,
-        /// Texture coordinates of the first corner.
-        pub uv0: [f32; 2] = 72,
-        /// Texture coordinates of the second corner.
-        pub uv1: [f32; 2] = 80,
-        /// Texture coordinates of the third corner.
-        pub uv2: [f32; 2] = 88,
-    }
-}
-
-gpu_record! {
-    /// One entry of the emissive triangles' alias table: set 0, binding 8, behind the header.
-    pub struct EmissiveAliasEntry: 8 {
-        /// Probability of keeping this entry.
-        pub prob: f32 = 0,
-        /// Entry taken otherwise.
-        pub alias_index: u32 = 4,
-    }
-}
-
-gpu_record! {
-    /// Head of the emissive triangles' alias table.
-    pub struct EmissiveAliasHeader: 8 {
-        /// Triangles.
-        pub count: u32 = 0,
-        /// Sum of the triangles' [`EmissiveTriangle::power`].
-        pub total_power: f32 = 4,
-    }
-}
-
-gpu_record! {
     /// Push constants of the shadow pass.
     pub struct ShadowPush: 4 {
         /// Cascade drawn.
@@ -421,85 +241,35 @@ gpu_record! {
 
 gpu_record! {
     /// Push constants of GTAO.
-    pub struct GtaoPush: 24 {
+    pub struct GtaoPush: 12 {
         /// Metres.
         pub radius: f32 = 0,
-        /// Slices per pixel.
-        pub directions: u32 = 4,
-        /// Steps per side of a slice.
-        pub steps_per_dir: u32 = 8,
-        /// Thin occluder compensation.
-        pub thin_compensation: f32 = 12,
-        /// Exponent of the visibility.
-        pub intensity: f32 = 16,
-        /// Frames since start.
-        pub frame_index: u32 = 20,
+        /// How much farther an occluder counts that stands out towards the camera: it may be thin.
+        pub thin_compensation: f32 = 4,
+        /// 0..64, or 0 without a filter over time.
+        pub noise_frame: u32 = 8,
     }
 }
 
 gpu_record! {
     /// Push constants of the temporal AO filter.
-    pub struct AoTemporalPush: 4 {
-        /// Weight of the history; 0 where it is invalid.
-        pub temporal_blend: f32 = 0,
+    pub struct AoTemporalPush: 8 {
+        /// Largest weight of the history, below 1.
+        pub weight: f32 = 0,
+        /// 1 where the last frame wrote the history.
+        pub valid: u32 = 4,
     }
 }
 
 gpu_record! {
     /// Push constants of contact shadows.
     pub struct ContactPush: 12 {
+        /// Longest ray, metres.
+        pub reach: f32 = 0,
+        /// How far behind a surface a ray is still taken to be inside of it, metres.
+        pub thickness: f32 = 4,
         /// Steps per ray.
-        pub step_count: u32 = 0,
-        /// Metres.
-        pub max_distance: f32 = 4,
-        /// Metres.
-        pub base_thickness: f32 = 8,
-    }
-}
-
-gpu_record! {
-    /// Push constants of the path tracer. Positions that it traces are relative to `center`.
-    pub struct PathTracePush: 112 {
-        /// Device address of the [`MeshInstance`] records, their transforms relative to `center`.
-        pub mesh_instances: u64 = 0,
-        /// Unit, from the scene to the environment's sun.
-        pub sun_direction: [f32; 3] = 8,
-        /// Squared sine of the sun's angular radius; 0 without one.
-        pub sun_sin2: f32 = 20,
-        /// Radiance of the sun's disc.
-        pub sun_radiance: [f32; 3] = 24,
-        /// Firefly clamp of indirect light by its largest channel; 0 is off.
-        pub max_clamp: f32 = 36,
-        /// Middle of the scene, metres.
-        pub center: [f32; 3] = 40,
-        /// Width of a pixel's ray cone per metre.
-        pub cone_spread: f32 = 52,
-        /// Longest path, in surface hits after the camera's.
-        pub max_bounces: u32 = 56,
-        /// Samples that each pixel has from earlier dispatches.
-        pub first_sample: u32 = 60,
-        /// Samples that each pixel gets now.
-        pub sample_count: u32 = 64,
-        /// Dispatches accumulated before.
-        pub batch: u32 = 68,
-        /// Bits of the `LIGHT_*` constants: what is sampled directly.
-        pub sampled_lights: u32 = 72,
-        /// Point and spot lights.
-        pub punctual_light_count: u32 = 76,
-        /// Reach of the ambient occlusion view, metres.
-        pub occlusion_distance: f32 = 80,
-        /// Seed of the run.
-        pub seed: u32 = 84,
-        /// 1 where the environment is seen behind the scene.
-        pub show_sky: u32 = 88,
-        /// Directional lights; the environment's sun is none of them.
-        pub directional_light_count: u32 = 92,
-        /// Device address of the vertex arena.
-        pub vertices: u64 = 96,
-        /// Emissive triangles in the alias table.
-        pub emissive_count: u32 = 104,
-        /// Zero.
-        pub pad_108: u32 = 108,
+        pub steps: u32 = 8,
     }
 }
 
@@ -526,23 +296,6 @@ gpu_record! {
 }
 
 gpu_record! {
-    /// One top-level instance: a node that carries a mesh (one bottom-level structure per mesh).
-    pub struct MeshInstance: 64 {
-        /// Rows of the object-to-world matrix, as `VkTransformMatrixKHR`.
-        pub transform: [[f32; 4]; 3] = 0,
-        /// Index into the root's meshes.
-        pub mesh: u32 = 48,
-        /// First geometry of the mesh in the geometry table: `gl_InstanceCustomIndexEXT`.
-        pub first_geometry: u32 = 52,
-        /// Bits of the `DRAW_*` constants.
-        pub flags: u32 = 56,
-        /// Its first emissive triangle: those of its emitting primitives follow in order, one per triangle traced.
-        /// [`NO_EMISSION`] where it has none.
-        pub first_emissive: u32 = 60,
-    }
-}
-
-gpu_record! {
     /// Transform of the texture coordinates of one 2D slot: set 0, binding 9 (`KHR_texture_transform`).
     pub struct TextureTransform: 32 {
         /// Columns of a 2x2 matrix: `uv' = matrix * uv + offset`.
@@ -563,6 +316,24 @@ gpu_record! {
         pub red_green: u32 = 0,
         /// Blue in the low half, alpha in the high half.
         pub blue_alpha: u32 = 4,
+    }
+}
+
+gpu_record! {
+    /// Push constants of the spatial AO filter.
+    pub struct AoSpatialPush: 4 {
+        /// Exponent of the visibility.
+        pub intensity: f32 = 0,
+    }
+}
+
+gpu_record! {
+    /// Push constants of what shades from the visibility target.
+    pub struct VisiblePush: 20 {
+        /// Records in the draw group buffer, in ascending order of their instances.
+        pub draw_groups: u32 = 0,
+        /// Pixels that the layer of blended surfaces covers: left, top, right, bottom; all 0 without one.
+        pub layer: [u32; 4] = 4,
     }
 }
 
@@ -659,6 +430,8 @@ pub fn records() -> Vec<(&'static str, usize, &'static [Field])> {
         row::<VertexColor>(),
         row::<PunctualLight>(),
         row::<MaterialExtension>(),
+        row::<AoSpatialPush>(),
+        row::<VisiblePush>(),
     ]
 }
 

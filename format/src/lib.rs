@@ -26,10 +26,12 @@ pub mod gpu;
 pub mod harmonics;
 pub mod header;
 pub mod package;
+mod record;
 pub mod scene;
 pub mod schema;
 pub mod section;
 pub mod texture;
+mod tracing;
 pub mod vertex;
 pub mod writer;
 

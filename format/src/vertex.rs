@@ -1,6 +1,6 @@
 //! The unified 56-byte vertex.
 
-use crate::gpu::gpu_record;
+use crate::record::gpu_record;
 
 gpu_record! {
     /// One vertex of the arena, object space, tightly packed (scalar layout, stride 56).

@@ -3,7 +3,9 @@
 #[cfg(feature = "hot-reload")]
 mod reload;
 
-use cairn_format::gpu::{DirectionalLight, FEATURE_SHADOWS, GlobalUniform, NO_TEXTURE};
+use cairn_format::gpu::{
+    DirectionalLight, FEATURE_SHADOWS, GlobalUniform, NO_TEXTURE, VisiblePush,
+};
 use cairn_format::{Frustum, Package, SectionKind};
 use glam::Mat4;
 
@@ -20,7 +22,6 @@ use crate::passes::Passes;
 use crate::passes::depth::DepthImages;
 use crate::passes::occlusion::{self, Surroundings};
 use crate::passes::shadow::{Casters, ShadowView};
-use crate::passes::visible::VisiblePush;
 use crate::passes::{resolve_color, resolve_surface, shade, surface};
 use crate::plan::{Plan, ShadowMap};
 use crate::scene::{self, GpuScene};
@@ -220,9 +221,12 @@ impl Renderer {
                 visibility.record(commands, triangles, depth, opaque, masked);
             });
         }
-        let groups = scene.draw_group_count;
+        let draw_groups = scene.draw_group_count;
         if let Some(pass) = &passes.surface {
-            let push = VisiblePush::new(groups, None);
+            let push = VisiblePush {
+                draw_groups,
+                layer: [0; 4],
+            };
             frame.pass(c"surface", &surface::uses(targets), |commands, _| {
                 commands.push_constants(layouts, &push);
                 pass.record(commands, layouts, parity, extent);
@@ -277,7 +281,10 @@ impl Renderer {
             blend(&mut frame, Load::Clear([0.0; 4]));
         }
         if let Some(pass) = &passes.shade {
-            let push = VisiblePush::new(groups, layer);
+            let push = VisiblePush {
+                draw_groups,
+                layer: layer.unwrap_or_default(),
+            };
             let mut uses = shade::uses(targets, layer.is_some());
             targets.add_lighting(&mut uses, Stage::Compute);
             frame.pass(c"shade", &uses, |commands, _| {

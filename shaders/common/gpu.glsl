@@ -173,26 +173,24 @@ struct ShadowPush {
     uint cascade_index;
 };
 
-// 24 bytes
+// 12 bytes
 struct GtaoPush {
     float radius;
-    uint directions;
-    uint steps_per_dir;
     float thin_compensation;
-    float intensity;
-    uint frame_index;
+    uint noise_frame;
 };
 
-// 4 bytes
+// 8 bytes
 struct AoTemporalPush {
-    float temporal_blend;
+    float weight;
+    uint valid;
 };
 
 // 12 bytes
 struct ContactPush {
-    uint step_count;
-    float max_distance;
-    float base_thickness;
+    float reach;
+    float thickness;
+    uint steps;
 };
 
 // 112 bytes
@@ -283,6 +281,17 @@ struct MaterialExtension {
     uint sheen_color_tex;
     uint sheen_roughness_tex;
     uint lobes;
+};
+
+// 4 bytes
+struct AoSpatialPush {
+    float intensity;
+};
+
+// 20 bytes
+struct VisiblePush {
+    uint draw_groups;
+    uvec4 layer;
 };
 
 #endif

@@ -4,11 +4,8 @@
 
 #include "normal.glsl"
 
-// Of the draw groups, which lie in ascending order of their instances.
-layout(push_constant, scalar) uniform VisiblePush {
-    uint draw_group_count;
-    // Pixels that the layer of blended surfaces covers: left, top, right, bottom.
-    uvec4 layer_part;
+layout(push_constant, scalar) uniform PushBlock {
+    VisiblePush push;
 };
 
 // A point of a triangle, with the change of its barycentric coordinates to the next pixel on the right and below.
@@ -36,7 +33,7 @@ struct Fetched {
 Triangle fetch_triangle(uvec2 texel) {
     uint instance = texel.x - 1u;
     uint low = 0;
-    uint high = draw_group_count;
+    uint high = push.draw_groups;
     while (low + 1u < high) {
         uint middle = (low + high) / 2u;
         if (draw_groups[middle].first_instance <= instance) {

@@ -16,10 +16,9 @@ layout(local_size_x = GROUP, local_size_y = GROUP) in;
 layout(set = 3, binding = 0, rg32ui) writeonly uniform uimage2D filtered_image;
 layout(set = 3, binding = 4) uniform usampler2D noisy_texture;
 
-layout(push_constant) uniform Push {
-    // Exponent of the visibility.
-    float intensity;
-} push;
+layout(push_constant, scalar) uniform PushBlock {
+    AoSpatialPush push;
+};
 
 // Distance from the plane, in parts of the distance to the camera, at which a pixel's weight is gone.
 const float PLANE_TOLERANCE = 0.01;

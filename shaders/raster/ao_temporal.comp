@@ -16,12 +16,9 @@ layout(set = 3, binding = 0, rg32ui) writeonly uniform uimage2D ao_image;
 layout(set = 3, binding = 4) uniform usampler2D current_texture;
 layout(set = 3, binding = 5) uniform usampler2D history_texture;
 
-layout(push_constant) uniform Push {
-    // Largest weight of the history, below 1.
-    float weight;
-    // Whether the last frame wrote the history.
-    uint valid;
-} push;
+layout(push_constant, scalar) uniform PushBlock {
+    AoTemporalPush push;
+};
 
 // Accepted difference of distances, in parts of the distance; a tilted surface's own slope comes on top.
 const float DISTANCE_TOLERANCE = 0.01;

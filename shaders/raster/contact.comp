@@ -13,13 +13,9 @@ layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(set = 3, binding = 0, r8) writeonly uniform image2D contact_image;
 
-layout(push_constant) uniform Push {
-    // Longest ray, metres.
-    float reach;
-    // How far behind a surface a ray is still taken to be inside of it, metres.
-    float thickness;
-    uint steps;
-} push;
+layout(push_constant, scalar) uniform PushBlock {
+    ContactPush push;
+};
 
 // Part of the ray over which its shadows fade out.
 const float FADE_START = 0.75;

@@ -17,14 +17,9 @@ layout(constant_id = 1) const uint STEPS = 3;
 
 layout(set = 3, binding = 0, rg32ui) writeonly uniform uimage2D ao_image;
 
-layout(push_constant) uniform Push {
-    // Metres.
-    float radius;
-    // How much farther an occluder counts that stands out towards the camera: it may be thin.
-    float thin_compensation;
-    // 0..64, or 0 without a filter over time.
-    uint noise_frame;
-} push;
+layout(push_constant, scalar) uniform PushBlock {
+    GtaoPush push;
+};
 
 // Share of the radius over which an occluder's weight falls to 0 (XeGTAO).
 const float FALLOFF_RANGE = 0.615;

@@ -55,7 +55,7 @@ vec3 resolve(ivec2 pixel) {
     vec3 sum = vec3(0.0);
     float weights = 0.0;
     uvec2 at = uvec2(pixel);
-    bool layered = all(greaterThanEqual(at, layer_part.xy)) && all(lessThan(at, layer_part.zw));
+    bool layered = all(greaterThanEqual(at, push.layer.xy)) && all(lessThan(at, push.layer.zw));
     uint done = 0u;
     for (int i = 0; i < SAMPLES; ++i) {
         if ((done & (1u << i)) != 0u) {

@@ -38,6 +38,8 @@ RECORD(18, TextureTransform)
 RECORD(19, VertexColor)
 RECORD(20, PunctualLight)
 RECORD(21, MaterialExtension)
+RECORD(22, AoSpatialPush)
+RECORD(23, VisiblePush)
 
 // Each record is read and written, so that no declaration is dropped.
 void main() {
@@ -63,4 +65,6 @@ void main() {
     VertexColor_buffer.record[0] = VertexColor_buffer.record[1];
     PunctualLight_buffer.record[0] = PunctualLight_buffer.record[1];
     MaterialExtension_buffer.record[0] = MaterialExtension_buffer.record[1];
+    AoSpatialPush_buffer.record[0] = AoSpatialPush_buffer.record[1];
+    VisiblePush_buffer.record[0] = VisiblePush_buffer.record[1];
 }

@@ -4,7 +4,7 @@ mod common;
 mod environment;
 mod rules;
 
-use cairn_format::header::{ALIGNMENT, HEADER_BYTES, PAGE};
+use cairn_format::header::{ALIGNMENT, FORMAT_VERSION, HEADER_BYTES, PAGE};
 use cairn_format::{Error, Package, SectionKind, Writer, scene::Scene};
 use common::{tiny, tiny_bytes};
 
@@ -124,12 +124,13 @@ fn errors_name_section_and_place() {
     assert!(error.contains("section instances"), "{error}");
 
     let mut newer = bytes;
-    newer[8] = 2;
+    let version = FORMAT_VERSION + 1;
+    newer[8..12].copy_from_slice(&version.to_le_bytes());
     let error = Package::from_bytes(&newer)
         .expect_err("a newer version")
         .to_string();
     assert!(
-        error.contains("version 2") && error.contains("bake the scene again"),
+        error.contains(&format!("version {version}")) && error.contains("bake the scene again"),
         "{error}"
     );
 }

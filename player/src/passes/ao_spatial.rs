@@ -1,6 +1,6 @@
 //! Filters ambient occlusion over neighbouring pixels of the same surface.
 
-use bytemuck::{Pod, Zeroable};
+use cairn_format::gpu::AoSpatialPush;
 
 use super::compute::ComputePass;
 use crate::gpu::{DescriptorSet, Gpu, GpuResult, Layouts, Shader};
@@ -8,19 +8,10 @@ use crate::graph::{Graph, Stage, Usage, Uses};
 use crate::settings::AoSettings;
 use crate::targets::{AoImages, Targets};
 
-/// Push constants of `ao_spatial.comp`.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct Push {
-    intensity: f32,
-}
-
-impl Push {
-    /// From the settings.
-    pub fn new(settings: &AoSettings) -> Self {
-        Self {
-            intensity: settings.intensity,
-        }
+/// From the settings.
+pub fn push(settings: &AoSettings) -> AoSpatialPush {
+    AoSpatialPush {
+        intensity: settings.intensity,
     }
 }
 

@@ -1,6 +1,6 @@
 //! Joins this frame's ambient occlusion with that of the frames before.
 
-use bytemuck::{Pod, Zeroable};
+use cairn_format::gpu::AoTemporalPush;
 
 use super::compute::ComputePass;
 use crate::gpu::{DescriptorSet, Gpu, GpuResult, Layouts, Shader};
@@ -8,21 +8,11 @@ use crate::graph::{Graph, Stage, Usage, Uses};
 use crate::settings::AoSettings;
 use crate::targets::{AoImages, Targets};
 
-/// Push constants of `ao_temporal.comp`.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct Push {
-    weight: f32,
-    valid: u32,
-}
-
-impl Push {
-    /// `valid`: whether the last frame wrote the history.
-    pub fn new(settings: &AoSettings, valid: bool) -> Self {
-        Self {
-            weight: settings.temporal,
-            valid: u32::from(valid),
-        }
+/// `valid`: whether the last frame wrote the history.
+pub fn push(settings: &AoSettings, valid: bool) -> AoTemporalPush {
+    AoTemporalPush {
+        weight: settings.temporal,
+        valid: u32::from(valid),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Shadows of small things nearby, searched in the depth image towards directional light 0.
 
-use bytemuck::{Pod, Zeroable};
+use cairn_format::gpu::ContactPush;
 
 use super::compute::ComputePass;
 use crate::gpu::{DescriptorSet, Gpu, GpuResult, Layouts, Shader};
@@ -13,31 +13,20 @@ const AUTO_DISTANCE: f32 = 0.02;
 /// Thickness of 0 in the settings: this part of the distance.
 const AUTO_THICKNESS: f32 = 0.25;
 
-/// Push constants of `contact.comp`.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct Push {
-    reach: f32,
-    thickness: f32,
-    steps: u32,
-}
-
-impl Push {
-    /// `diagonal` is the scene's, metres.
-    pub fn new(settings: &ContactSettings, diagonal: f32) -> Self {
-        let reach = match settings.distance {
-            0.0 => AUTO_DISTANCE * diagonal,
-            distance => distance,
-        };
-        let thickness = match settings.thickness {
-            0.0 => AUTO_THICKNESS * reach,
-            thickness => thickness,
-        };
-        Self {
-            reach,
-            thickness,
-            steps: settings.steps,
-        }
+/// `diagonal` is the scene's, metres.
+pub fn push(settings: &ContactSettings, diagonal: f32) -> ContactPush {
+    let reach = match settings.distance {
+        0.0 => AUTO_DISTANCE * diagonal,
+        distance => distance,
+    };
+    let thickness = match settings.thickness {
+        0.0 => AUTO_THICKNESS * reach,
+        thickness => thickness,
+    };
+    ContactPush {
+        reach,
+        thickness,
+        steps: settings.steps,
     }
 }
 

@@ -1,6 +1,6 @@
 //! Ambient occlusion and bent normals out of the depth image, noisy.
 
-use bytemuck::{Pod, Zeroable};
+use cairn_format::gpu::GtaoPush;
 
 use super::compute::ComputePass;
 use crate::gpu::{DescriptorSet, Gpu, GpuResult, Layouts, Shader};
@@ -12,26 +12,15 @@ use crate::targets::{AoImages, Targets};
 /// Frames after which the noise repeats.
 const NOISE_FRAMES: u32 = 64;
 
-/// Push constants of `gtao.comp`.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct Push {
-    radius: f32,
-    thin_compensation: f32,
-    noise_frame: u32,
-}
-
-impl Push {
-    /// `diagonal` is the scene's, metres. Without a filter over time the noise stands still.
-    pub fn new(settings: &AoSettings, diagonal: f32, frame: u32) -> Self {
-        Self {
-            radius: settings.reach(diagonal),
-            thin_compensation: settings.thin_compensation,
-            noise_frame: match settings.temporal {
-                0.0 => 0,
-                _ => frame % NOISE_FRAMES,
-            },
-        }
+/// `diagonal` is the scene's, metres. Without a filter over time the noise stands still.
+pub fn push(settings: &AoSettings, diagonal: f32, frame: u32) -> GtaoPush {
+    GtaoPush {
+        radius: settings.reach(diagonal),
+        thin_compensation: settings.thin_compensation,
+        noise_frame: match settings.temporal {
+            0.0 => 0,
+            _ => frame % NOISE_FRAMES,
+        },
     }
 }
 

@@ -32,7 +32,7 @@ pub fn record(
 ) {
     let (parity, extent) = (around.parity, around.extent);
     if let (Some(pass), Some(ao)) = (&passes.gtao, targets.ao) {
-        let push = gtao::Push::new(&settings.ao, around.diagonal, around.frame);
+        let push = gtao::push(&settings.ao, around.diagonal, around.frame);
         frame.pass(c"gtao", &gtao::uses(targets, ao), |commands, _| {
             commands.push_constants(layouts, &push);
             pass.record(commands, layouts, parity, extent);
@@ -40,7 +40,7 @@ pub fn record(
     }
     if let (Some(pass), Some(ao)) = (&passes.ao_spatial, targets.ao) {
         let (push, uses) = (
-            ao_spatial::Push::new(&settings.ao),
+            ao_spatial::push(&settings.ao),
             ao_spatial::uses(targets, ao),
         );
         frame.pass(c"ao spatial", &uses, |commands, _| {
@@ -49,7 +49,7 @@ pub fn record(
         });
     }
     if let (Some(pass), Some(ao)) = (&passes.ao_temporal, targets.ao) {
-        let push = ao_temporal::Push::new(&settings.ao, around.history);
+        let push = ao_temporal::push(&settings.ao, around.history);
         frame.pass(
             c"ao temporal",
             &ao_temporal::uses(targets, ao),
@@ -60,7 +60,7 @@ pub fn record(
         );
     }
     if let (Some(pass), Some(mask)) = (&passes.contact, targets.contact) {
-        let push = contact::Push::new(&settings.contact, around.diagonal);
+        let push = contact::push(&settings.contact, around.diagonal);
         frame.pass(c"contact", &contact::uses(targets, mask), |commands, _| {
             commands.push_constants(layouts, &push);
             pass.record(commands, layouts, parity, extent);

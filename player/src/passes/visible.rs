@@ -6,26 +6,6 @@ use crate::graph::{Graph, Stage, Usage, Uses};
 use crate::plan::Plan;
 use crate::targets::Targets;
 
-/// Push constants of `visible.glsl`.
-#[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct VisiblePush {
-    /// Records in the draw group buffer.
-    pub draw_groups: u32,
-    /// Pixels that the layer of blended surfaces covers: left, top, right, bottom; all 0 without one.
-    pub layer: [u32; 4],
-}
-
-impl VisiblePush {
-    /// For that many draw groups.
-    pub fn new(draw_groups: u32, layer: Option<[u32; 4]>) -> Self {
-        Self {
-            draw_groups,
-            layer: layer.unwrap_or_default(),
-        }
-    }
-}
-
 /// Specialisation constants: the surfaces', then those of `samples.glsl`.
 pub(super) fn constants(plan: &Plan) -> Vec<(u32, u32)> {
     let mut constants = Variant::constants(&plan.variant, Alpha::Ignored).to_vec();

@@ -1,0 +1,89 @@
+//! How a GPU record is declared: its layout is asserted, and its fields are listed for the GLSL mirror.
+
+use bytemuck::Pod;
+
+/// One field of a record, as GLSL sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Field {
+    /// Field name, the same in Rust and GLSL.
+    pub name: &'static str,
+    /// Byte offset.
+    pub offset: usize,
+    /// GLSL type, such as `vec4`.
+    pub glsl: &'static str,
+    /// Array length; 0 where the field is no array.
+    pub count: usize,
+}
+
+/// A record with a known layout.
+pub trait Record: Pod {
+    /// Type name, the same in Rust and GLSL.
+    const NAME: &'static str;
+    /// Every field in order, without gaps.
+    const FIELDS: &'static [Field];
+}
+
+/// A field type and its GLSL spelling.
+pub trait GlslType {
+    /// GLSL type name.
+    const NAME: &'static str;
+    /// Array length; 0 where the type is no array.
+    const COUNT: usize = 0;
+}
+
+macro_rules! glsl_types {
+    ($($rust:ty => $glsl:literal $([$count:literal])?),* $(,)?) => {
+        $(impl GlslType for $rust {
+            const NAME: &'static str = $glsl;
+            $(const COUNT: usize = $count;)?
+        })*
+    };
+}
+
+glsl_types! {
+    f32 => "float",
+    u32 => "uint",
+    u64 => "uint64_t",
+    [f32; 2] => "vec2",
+    [f32; 3] => "vec3",
+    [f32; 4] => "vec4",
+    [u32; 4] => "uvec4",
+    [[f32; 4]; 3] => "vec4"[3],
+    [[f32; 4]; 4] => "mat4",
+    [[[f32; 4]; 4]; 4] => "mat4"[4],
+}
+
+/// Declares a `repr(C)` record, asserts its size and every offset at compile time, and lists its fields.
+macro_rules! gpu_record {
+    (
+        $(#[$meta:meta])*
+        pub struct $name:ident : $size:literal {
+            $($(#[$field_meta:meta])* pub $field:ident : $ty:ty = $offset:literal,)*
+        }
+    ) => {
+        $(#[$meta])*
+        #[repr(C)]
+        #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+        pub struct $name {
+            $($(#[$field_meta])* pub $field: $ty,)*
+        }
+
+        const _: () = {
+            assert!(std::mem::size_of::<$name>() == $size);
+            $(assert!(std::mem::offset_of!($name, $field) == $offset);)*
+        };
+
+        impl $crate::record::Record for $name {
+            const NAME: &'static str = stringify!($name);
+            const FIELDS: &'static [$crate::record::Field] = &[
+                $($crate::record::Field {
+                    name: stringify!($field),
+                    offset: $offset,
+                    glsl: <$ty as $crate::record::GlslType>::NAME,
+                    count: <$ty as $crate::record::GlslType>::COUNT,
+                },)*
+            ];
+        }
+    };
+}
+pub(crate) use gpu_record;
