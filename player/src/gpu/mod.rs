@@ -4,6 +4,7 @@
 #![allow(unsafe_code)]
 
 pub mod accel;
+pub mod attachment;
 pub mod buffer;
 pub mod command;
 pub mod descriptor;
@@ -30,10 +31,9 @@ mod tests;
 
 pub use accel::{BuildStats, TopLevel, TraceGeometry, TraceInstance};
 pub use ash::vk;
+pub use attachment::{ColorAttachment, DepthAttachment, Load};
 pub use buffer::{Buffer, BufferDesc, Memory};
-pub use command::{
-    ColorAttachment, Commands, DepthAttachment, FrameTarget, ImageBarrier, Load, Sync,
-};
+pub use command::{Commands, FrameTarget, ImageBarrier, Sync};
 pub use descriptor::{DescriptorSet, Layouts, SetIndex};
 pub use device::{Gpu, GpuOptions};
 pub use error::{GpuError, GpuResult};
