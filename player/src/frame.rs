@@ -13,8 +13,8 @@ use crate::PlayerError;
 use crate::camera::Camera;
 use crate::draw::{DrawList, DrawStats};
 use crate::gpu::{
-    Buffer, BufferDesc, Commands, DescriptorSet, FRAMES_IN_FLIGHT, FrameTarget, Gpu, GpuResult,
-    ImageRef, Layouts, Load, Memory, SetIndex, vk,
+    Buffer, Commands, DescriptorSet, FRAMES_IN_FLIGHT, FrameTarget, Gpu, GpuResult, ImageRef,
+    Layouts, Load, SetIndex, vk,
 };
 use crate::graph::{FrameGraph, Graph, Stage, Usage, Uses};
 use crate::lights::Lights;
@@ -459,33 +459,14 @@ impl Renderer {
 
 impl Slot {
     fn new(gpu: &Gpu, scene: &GpuScene, visible: u64) -> GpuResult<Self> {
-        let uniform = Buffer::new(
-            gpu,
-            &BufferDesc {
-                name: "global uniform",
-                size: size_of::<GlobalUniform>() as u64,
-                usage: vk::BufferUsageFlags::UNIFORM_BUFFER,
-                memory: Memory::Upload,
-            },
-        )?;
-        let visible = Buffer::new(
-            gpu,
-            &BufferDesc {
-                name: "visible instances",
-                size: visible.max(1) * 4,
-                usage: vk::BufferUsageFlags::VERTEX_BUFFER,
-                memory: Memory::Upload,
-            },
-        )?;
-        let lights = Buffer::new(
-            gpu,
-            &BufferDesc {
-                name: "directional lights",
-                size: (scene.lights.capacity() * size_of::<DirectionalLight>()) as u64,
-                usage: vk::BufferUsageFlags::STORAGE_BUFFER,
-                memory: Memory::Upload,
-            },
-        )?;
+        let uniform_size = size_of::<GlobalUniform>();
+        let lights_size = scene.lights.capacity() * size_of::<DirectionalLight>();
+        let uniforms = vk::BufferUsageFlags::UNIFORM_BUFFER;
+        let vertices = vk::BufferUsageFlags::VERTEX_BUFFER;
+        let storage = vk::BufferUsageFlags::STORAGE_BUFFER;
+        let uniform = Buffer::upload(gpu, "global uniform", uniform_size, uniforms)?;
+        let visible = Buffer::upload(gpu, "visible instances", visible as usize * 4, vertices)?;
+        let lights = Buffer::upload(gpu, "directional lights", lights_size, storage)?;
         let mut set = scene.layouts.allocate(SetIndex::Frame, "frame")?;
         scene.bind(&mut set, &uniform, &lights)?;
         Ok(Self {
@@ -499,13 +480,15 @@ impl Slot {
 
     /// Makes or drops what only some plans need.
     fn follow(&mut self, gpu: &Gpu, plan: &Plan) -> GpuResult<()> {
-        let desc = |map: ShadowMap| BufferDesc {
-            name: "shadow casters",
-            size: self.visible.size() * u64::from(map.cascades),
-            usage: vk::BufferUsageFlags::VERTEX_BUFFER,
-            memory: Memory::Upload,
-        };
-        let casters = plan.shadow.map(|map| Buffer::new(gpu, &desc(map)));
+        let casters = plan.shadow.map(|map: ShadowMap| {
+            let size = self.visible.size() as usize * map.cascades as usize;
+            Buffer::upload(
+                gpu,
+                "shadow casters",
+                size,
+                vk::BufferUsageFlags::VERTEX_BUFFER,
+            )
+        });
         self.casters = casters.transpose()?;
         Ok(())
     }

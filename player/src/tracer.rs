@@ -484,27 +484,13 @@ fn targets_set(
 
 impl Slot {
     fn new(gpu: &Gpu, scene: &GpuScene, trace: &TraceScene, lights: usize) -> GpuResult<Self> {
-        let upload = |name, size: usize, usage| {
-            Buffer::new(
-                gpu,
-                &BufferDesc {
-                    name,
-                    size: size as u64,
-                    usage,
-                    memory: Memory::Upload,
-                },
-            )
-        };
-        let uniform = upload(
-            "traced uniform",
-            size_of::<GlobalUniform>(),
+        let (uniforms, storage) = (
             vk::BufferUsageFlags::UNIFORM_BUFFER,
-        )?;
-        let lights = upload(
-            "traced lights",
-            size_of::<DirectionalLight>() * lights.max(1),
             vk::BufferUsageFlags::STORAGE_BUFFER,
-        )?;
+        );
+        let lights = size_of::<DirectionalLight>() * lights.max(1);
+        let uniform = Buffer::upload(gpu, "traced uniform", size_of::<GlobalUniform>(), uniforms)?;
+        let lights = Buffer::upload(gpu, "traced lights", lights, storage)?;
         let mut set = scene.layouts.allocate(SetIndex::Frame, "traced frame")?;
         scene.bind(&mut set, &uniform, &lights)?;
         trace.bind(&mut set)?;

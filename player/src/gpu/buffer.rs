@@ -57,6 +57,25 @@ pub struct Buffer {
 }
 
 impl Buffer {
+    /// A buffer of `size` bytes, one where that is none, that the CPU fills and the GPU reads.
+    ///
+    /// # Errors
+    /// As [`Buffer::new`].
+    pub fn upload(
+        gpu: &Gpu,
+        name: &str,
+        size: usize,
+        usage: vk::BufferUsageFlags,
+    ) -> GpuResult<Self> {
+        let desc = BufferDesc {
+            name,
+            size: size.max(1) as u64,
+            usage,
+            memory: Memory::Upload,
+        };
+        Self::new(gpu, &desc)
+    }
+
     /// Allocates a buffer; its content is undefined.
     ///
     /// # Errors
