@@ -9,7 +9,7 @@ use crate::gpu::GpuOptions;
 use crate::headless::trace::TraceOptions;
 use crate::settings::Settings;
 use crate::settings::flags::SettingFlags;
-use cairn_format::{Aabb, Package};
+use cairn_format::Package;
 
 /// The command line: a command, or a package to look at.
 #[derive(Debug)]
@@ -253,10 +253,7 @@ impl SceneArgs {
     /// [`PlayerError::Input`] naming the cameras there are.
     pub fn camera(&self, package: &Package) -> Result<Camera, PlayerError> {
         let scene = package.scene();
-        let bounds = Aabb {
-            min: cairn_format::scene::natives(&scene.bounds.min).into(),
-            max: cairn_format::scene::natives(&scene.bounds.max).into(),
-        };
+        let bounds = crate::scene::bounds(package);
         let aspect = self.size.0 as f32 / self.size.1 as f32;
         if self.camera == "auto" {
             return Ok(Camera::framing(bounds, aspect));

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use cairn_format::{Aabb, Package};
+use cairn_format::Package;
 use glam::{Mat3, Vec3};
 use serde::Serialize;
 
@@ -10,6 +10,7 @@ use crate::camera::Camera;
 use crate::draw::DrawStats;
 use crate::gpu::{Gpu, PassTime};
 use crate::headless::Session;
+use crate::scene;
 use crate::settings::Settings;
 use crate::{PlayerError, camera_file};
 
@@ -75,9 +76,9 @@ pub struct PassCost {
     pub ms: Percentiles,
 }
 
-/// Times of a run, and all that they depend on.
+/// What any measurement depends on.
 #[derive(Clone, Debug, Serialize)]
-pub struct BenchReport {
+pub struct Origin {
     pub schema: u32,
     pub tool: &'static str,
     pub commit: &'static str,
@@ -86,8 +87,31 @@ pub struct BenchReport {
     /// BLAKE3 of the package, hexadecimal.
     pub scene: String,
     pub size: [u32; 2],
-    pub path: String,
     pub settings: Settings,
+}
+
+impl Origin {
+    /// Of measurements taken with these.
+    pub fn new(gpu: &Gpu, package: &Package, size: [u32; 2], settings: &Settings) -> Self {
+        Self {
+            schema: 1,
+            tool: concat!("cairn-player ", env!("CARGO_PKG_VERSION")),
+            commit: COMMIT,
+            device: gpu.device_name().into(),
+            driver: gpu.driver().into(),
+            scene: scene_hash(package),
+            size,
+            settings: settings.clone(),
+        }
+    }
+}
+
+/// Times of a run, and all that they depend on.
+#[derive(Clone, Debug, Serialize)]
+pub struct BenchReport {
+    #[serde(flatten)]
+    pub origin: Origin,
+    pub path: String,
     pub frames: u32,
     pub dropped: u32,
     /// Sum of the passes of a frame; `None` where the queue has no timestamps.
@@ -128,15 +152,8 @@ pub fn run(
     session.finish()?;
     samples.add(session.timings());
     Ok(BenchReport {
-        schema: 1,
-        tool: concat!("cairn-player ", env!("CARGO_PKG_VERSION")),
-        commit: COMMIT,
-        device: gpu.device_name().into(),
-        driver: gpu.driver().into(),
-        scene: scene_hash(package),
-        size: options.size,
+        origin: Origin::new(gpu, package, options.size, &options.settings),
         path: format!("{:?}", options.path).to_lowercase(),
-        settings: options.settings.clone(),
         frames: options.frames,
         dropped: DROPPED,
         gpu_ms: samples.gpu(),
@@ -147,19 +164,9 @@ pub fn run(
 }
 
 /// The package's own hash of its contents, hexadecimal.
-pub fn scene_hash(package: &Package) -> String {
+fn scene_hash(package: &Package) -> String {
     let hash = package.header().content_hash;
     hash.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-/// Bounds of the whole scene.
-pub fn bounds(package: &Package) -> Aabb {
-    let bounds = &package.scene().bounds;
-    let vector = |value| Vec3::from(cairn_format::scene::natives(value));
-    Aabb {
-        min: vector(&bounds.min),
-        max: vector(&bounds.max),
-    }
 }
 
 /// Cameras to stop at, or the one to go around with.
@@ -169,7 +176,7 @@ enum Stops {
 }
 
 fn stops(package: &Package, options: &BenchOptions) -> Result<Stops, PlayerError> {
-    let bounds = bounds(package);
+    let bounds = scene::bounds(package);
     let center = if bounds.is_empty() {
         Vec3::ZERO
     } else {

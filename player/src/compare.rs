@@ -66,17 +66,11 @@ pub struct Pictures {
 /// All rows, and what they depend on.
 #[derive(Clone, Debug, Serialize)]
 pub struct CompareReport {
-    pub schema: u32,
-    pub tool: &'static str,
-    pub commit: &'static str,
-    pub device: String,
-    pub driver: String,
-    pub scene: String,
-    pub size: [u32; 2],
+    #[serde(flatten)]
+    pub origin: bench::Origin,
     pub reference: String,
     /// Why the reference is not path traced, where it is not.
     pub note: Option<&'static str>,
-    pub settings: Settings,
     pub rows: Vec<Row>,
 }
 
@@ -140,16 +134,9 @@ pub fn run(
         }
     }
     Ok(CompareReport {
-        schema: 1,
-        tool: concat!("cairn-player ", env!("CARGO_PKG_VERSION")),
-        commit: bench::COMMIT,
-        device: gpu.device_name().into(),
-        driver: gpu.driver().into(),
-        scene: bench::scene_hash(package),
-        size: options.size,
+        origin: bench::Origin::new(gpu, package, options.size, &options.settings),
         reference: ruler.name(),
         note: ruler.note(),
-        settings: options.settings.clone(),
         rows,
     })
 }
@@ -218,7 +205,7 @@ impl CompareReport {
     /// A table for people.
     pub fn table(&self) -> String {
         use std::fmt::Write;
-        let mut text = format!("{} against {}\n", self.device, self.reference);
+        let mut text = format!("{} against {}\n", self.origin.device, self.reference);
         if let Some(note) = self.note {
             let _ = writeln!(text, "note: {note}");
         }

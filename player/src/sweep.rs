@@ -68,15 +68,9 @@ pub struct Level {
 /// All levels, and what they depend on.
 #[derive(Clone, Debug, Serialize)]
 pub struct SweepReport {
-    pub schema: u32,
-    pub tool: &'static str,
-    pub commit: &'static str,
-    pub device: String,
-    pub driver: String,
-    pub scene: String,
-    pub size: [u32; 2],
+    #[serde(flatten)]
+    pub origin: bench::Origin,
     pub reference: String,
-    pub settings: Settings,
     pub levels: Vec<Level>,
 }
 
@@ -177,15 +171,8 @@ pub fn run(
         levels.push(measure(&mut session, options, &reference, candidate)?);
     }
     Ok(SweepReport {
-        schema: 1,
-        tool: concat!("cairn-player ", env!("CARGO_PKG_VERSION")),
-        commit: bench::COMMIT,
-        device: gpu.device_name().into(),
-        driver: gpu.driver().into(),
-        scene: bench::scene_hash(package),
-        size: options.size,
+        origin: bench::Origin::new(gpu, package, options.size, &options.settings),
         reference: name,
-        settings: options.settings.clone(),
         levels,
     })
 }
@@ -288,7 +275,7 @@ impl SweepReport {
     /// A table for people.
     pub fn table(&self) -> String {
         use std::fmt::Write;
-        let mut text = format!("{} against {}\n", self.device, self.reference);
+        let mut text = format!("{} against {}\n", self.origin.device, self.reference);
         let _ = writeln!(
             text,
             "{:<28}{:>10}{:>10}{:>10}{:>10}{:>10}",

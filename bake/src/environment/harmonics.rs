@@ -1,6 +1,6 @@
 //! Diffuse light as nine coefficients: projection, window, error.
 
-use cairn_format::harmonics::evaluate;
+use cairn_format::harmonics::{basis, evaluate};
 use glam::DVec3;
 
 use super::cells::CellLevel;
@@ -70,20 +70,6 @@ pub(super) fn relative_rms(coefficients: &[[f32; 3]; 9], cube: &Cube) -> f64 {
     } else {
         error.sqrt()
     }
-}
-
-fn basis(x: f64, y: f64, z: f64) -> [f64; 9] {
-    [
-        1.0,
-        x,
-        y,
-        z,
-        x * y,
-        y * z,
-        z * x,
-        3.0 * y * y - 1.0,
-        x * x - z * z,
-    ]
 }
 
 /// Integrals of radiance times basis, times basis norm and cosine lobe over pi (1, 2/3, 1/4).

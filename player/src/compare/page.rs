@@ -31,10 +31,10 @@ pub fn html(report: &CompareReport, title: &str) -> Result<String, PlayerError> 
          <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
          <title>{0}</title><style>{STYLE}</style><h1>{0}</h1>\n<p>Raster on {1} against {2}, {3} by {4} pixels.</p>\n",
         escape(title),
-        escape(&report.device),
+        escape(&report.origin.device),
         escape(&report.reference),
-        report.size[0],
-        report.size[1]
+        report.origin.size[0],
+        report.origin.size[1]
     );
     if let Some(note) = report.note {
         let _ = writeln!(page, "<p class=\"note\">{}</p>", escape(note));
@@ -47,10 +47,10 @@ pub fn html(report: &CompareReport, title: &str) -> Result<String, PlayerError> 
         page,
         "<footer>{} {}, driver {}, scene {}. RMSE, relative error and bias of linear radiance; FLIP (Andersson et al. 2020, \
          67 pixels per degree) of display values.</footer></html>",
-        escape(report.tool),
-        escape(report.commit),
-        escape(&report.driver),
-        &report.scene
+        escape(report.origin.tool),
+        escape(report.origin.commit),
+        escape(&report.origin.driver),
+        &report.origin.scene
     );
     Ok(page)
 }
