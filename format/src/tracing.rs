@@ -12,7 +12,7 @@ gpu_record! {
         /// Index into the material records.
         pub material_buffer_offset: u32 = 16,
         /// First emissive triangle of this geometry behind its instance's [`MeshInstance::first_emissive`];
-        /// [`NO_EMISSION`] where it emits nothing.
+        /// [`NO_EMISSION`](crate::gpu::NO_EMISSION) where it emits nothing.
         pub emissive_offset: u32 = 20,
     }
 }
@@ -159,7 +159,7 @@ gpu_record! {
         /// Bits of the `DRAW_*` constants.
         pub flags: u32 = 56,
         /// Its first emissive triangle: those of its emitting primitives follow in order, one per triangle traced.
-        /// [`NO_EMISSION`] where it has none.
+        /// [`NO_EMISSION`](crate::gpu::NO_EMISSION) where it has none.
         pub first_emissive: u32 = 60,
     }
 }
