@@ -1,13 +1,12 @@
-//! The command line of `cairn-bake`.
+//! The command line of a bake.
 
 use std::path::PathBuf;
 
 use crate::encode::{Quality, SkyFormat};
 use crate::environment::{EnvironmentOptions, SunMode};
 
-/// Bake a glTF 2.0 scene, and an environment, into one Cairn package.
-#[derive(clap::Parser, Debug)]
-#[command(name = "cairn-bake", version, after_help = EXAMPLES)]
+/// What to bake, how, and what to print.
+#[derive(clap::Args, Debug)]
 pub struct Args {
     /// The scene: .gltf or .glb.
     pub input: PathBuf,
@@ -125,21 +124,5 @@ impl From<TextureQuality> for Quality {
             TextureQuality::Default => Self::Default,
             TextureQuality::Best => Self::Best,
         }
-    }
-}
-
-const EXAMPLES: &str = "Examples:
-  cairn-bake helmet.gltf --env park.hdr -o helmet.cairn
-  cairn-bake hall.glb -o hall.cairn --json > report.json
-  cairn-bake hall.glb -o hall.cairn --texture-quality best -v
-
-Exit codes: 0 success, 2 bad input or unwritable output; then no output file was touched.";
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn the_command_line_is_consistent() {
-        use clap::CommandFactory;
-        super::Args::command().debug_assert();
     }
 }
