@@ -3,13 +3,10 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use crate::label::Label;
 use crate::scene::Origin;
 
 /// How much a diagnostic matters.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
     Warning,
@@ -17,12 +14,11 @@ pub enum Severity {
 }
 
 /// One message about one place in the input.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Diagnostic {
     pub severity: Severity,
     /// Stable name such as `accessor-out-of-range`.
-    #[serde(deserialize_with = "crate::label::read")]
-    pub code: Label,
+    pub code: &'static str,
     /// File as the user named it, or relative to the scene.
     pub file: String,
     /// JSON pointer (`/meshes/0/primitives/1`), byte offset (`byte 1234`) or empty.

@@ -2,14 +2,13 @@
 
 use std::fmt::Write;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::diagnostic::Diagnostic;
-use crate::label::Label;
 use crate::prepare::{GeometryStats, StepTime};
 
 /// One row of the speed-against-error report.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     pub stage: String,
     /// The object, such as an image's name.
@@ -19,8 +18,7 @@ pub struct Row {
     pub seconds: f64,
     /// In `throughput_unit`; absent where it has no meaning.
     pub throughput: Option<f64>,
-    #[serde(deserialize_with = "crate::label::read")]
-    pub throughput_unit: Label,
+    pub throughput_unit: &'static str,
     /// Name and unit of the error.
     pub metric: String,
     pub error: f64,
@@ -28,23 +26,21 @@ pub struct Row {
 }
 
 /// Wall time of a stage.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Stage {
-    #[serde(deserialize_with = "crate::label::read")]
-    pub name: Label,
+    pub name: &'static str,
     pub seconds: f64,
 }
 
 /// Bytes of a section.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Section {
-    #[serde(deserialize_with = "crate::label::read")]
-    pub name: Label,
+    pub name: &'static str,
     pub bytes: u64,
 }
 
 /// The result of a bake.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Summary {
     pub input: String,
     pub output: String,
@@ -60,8 +56,7 @@ pub struct Summary {
     pub images: u64,
     pub lights: u64,
     pub cameras: u64,
-    #[serde(deserialize_with = "crate::label::read_list")]
-    pub features: Vec<Label>,
+    pub features: Vec<&'static str>,
     pub sections: Vec<Section>,
     pub package_bytes: u64,
     /// BLAKE3 of header, section table and root, which holds the hash of every section.

@@ -2,9 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use serde::{Deserialize, Serialize};
-
-use crate::label::Label;
+use serde::Serialize;
 
 /// A step, in the order of work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,10 +35,9 @@ const NAMES: [&str; 9] = [
 ];
 
 /// Time of one step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct StepTime {
-    #[serde(deserialize_with = "crate::label::read")]
-    pub name: Label,
+    pub name: &'static str,
     /// Summed over threads.
     pub seconds: f64,
     /// Triangles that needed the step.
