@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::encode::{Quality, SkyFormat};
 use crate::environment::{EnvironmentOptions, SunMode};
+use crate::pipeline::DEFAULT_LIMIT_PIXELS;
 
 /// What to bake, how, and what to print.
 #[derive(clap::Args, Debug)]
@@ -32,7 +33,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "bc6h")]
     pub sky_format: SkyFormat,
     /// Images of more texels than this are refused.
-    #[arg(long, value_name = "TEXELS", default_value_t = 1 << 28)]
+    #[arg(long, value_name = "TEXELS", default_value_t = DEFAULT_LIMIT_PIXELS)]
     pub limit_pixels: u64,
     /// Threads to use; the bytes are the same for any number.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]

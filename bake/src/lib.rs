@@ -8,6 +8,7 @@ pub mod emitters;
 pub mod encode;
 pub mod environment;
 pub mod import;
+pub mod label;
 pub mod materials;
 pub mod pipeline;
 pub mod prepare;

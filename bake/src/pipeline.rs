@@ -36,6 +36,24 @@ pub struct Options {
     pub limit_pixels: u64,
 }
 
+impl Options {
+    /// A bake without an environment, everything else as the command line has it by default.
+    pub fn new(input: impl Into<PathBuf>, output: impl Into<PathBuf>) -> Self {
+        Self {
+            input: input.into(),
+            environment: None,
+            output: output.into(),
+            texture_quality: Quality::default(),
+            light: EnvironmentOptions::default(),
+            sky_format: SkyFormat::default(),
+            limit_pixels: DEFAULT_LIMIT_PIXELS,
+        }
+    }
+}
+
+/// Texels of an image of 16384 x 16384.
+pub const DEFAULT_LIMIT_PIXELS: u64 = 1 << 28;
+
 /// Bakes one package.
 ///
 /// # Errors

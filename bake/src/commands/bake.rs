@@ -20,13 +20,12 @@ pub(super) fn run(args: &Args) -> Result<u8, BakeError> {
 
 fn bake_with_progress(args: &Args) -> Result<Summary, BakeError> {
     let options = Options {
-        input: args.input.clone(),
         environment: args.env.clone(),
-        output: args.output.clone(),
         texture_quality: args.texture_quality.into(),
         light: args.light(),
         sky_format: args.sky_format,
         limit_pixels: args.limit_pixels,
+        ..Options::new(&args.input, &args.output)
     };
     if args.quiet || args.json {
         return bake(&options, &Silent);
