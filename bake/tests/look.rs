@@ -27,7 +27,9 @@ fn json(output: &Output) -> Value {
 }
 
 fn asset(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../assets")
+        .join(name)
 }
 
 /// A folder, and in it the package of a scene file.
@@ -59,7 +61,10 @@ fn what_is_inside_is_shown() {
     ] {
         assert!(tree.contains(part), "`{part}` in {tree}");
     }
-    assert!(!tree.contains('\x1b'), "no colours where there is no terminal");
+    assert!(
+        !tree.contains('\x1b'),
+        "no colours where there is no terminal"
+    );
     let pictures = text(&run(&["inspect", path(&package), "--thumbnails", "always"]).stdout);
     // 20 by 10 characters each of five images.
     assert_eq!(pictures.matches('\u{2580}').count(), 5 * 200);
@@ -73,15 +78,31 @@ fn machines_read_the_same() {
     let contents = json(&run(&["inspect", path(&package), "--json"]));
     assert_eq!(contents["meshes"].as_array().map(Vec::len), Some(20));
     assert_eq!(contents["triangles"], 22_100);
-    assert_eq!(contents["bytes"], std::fs::metadata(&package).expect("a file").len());
+    assert_eq!(
+        contents["bytes"],
+        std::fs::metadata(&package).expect("a file").len()
+    );
     let leaf = &contents["images"][0];
-    assert_eq!((&leaf["name"], &leaf["levels"]), (&"leaf".into(), &8.into()));
-    assert!(leaf["errors"].as_array().is_some_and(|rows| rows.iter().any(|row| row["metric"] == "psnr dB")));
+    assert_eq!(
+        (&leaf["name"], &leaf["levels"]),
+        (&"leaf".into(), &8.into())
+    );
+    assert!(
+        leaf["errors"]
+            .as_array()
+            .is_some_and(|rows| rows.iter().any(|row| row["metric"] == "psnr dB"))
+    );
 
     let rows = text(&run(&["inspect", path(&package), "--deps"]).stdout);
-    let listed = rows.lines().find(|line| line.ends_with("  textures/leaf.png")).expect("the leaf");
+    let listed = rows
+        .lines()
+        .find(|line| line.ends_with("  textures/leaf.png"))
+        .expect("the leaf");
     let leaf = std::fs::read(asset("materials/textures/leaf.png")).expect("the file");
-    assert!(listed.starts_with(blake3::hash(&leaf).to_hex().as_str()), "{listed}");
+    assert!(
+        listed.starts_with(blake3::hash(&leaf).to_hex().as_str()),
+        "{listed}"
+    );
     let sources = json(&run(&["inspect", path(&package), "--deps", "--json"]));
     assert_eq!(sources.as_array().map(Vec::len), Some(rows.lines().count()));
 }
@@ -95,7 +116,10 @@ fn damage_is_found_and_named() {
     let contents = json(&run(&["inspect", path(&package), "--json"]));
     let section = |name: &str| {
         let rows = contents["sections"].as_array().expect("sections");
-        let row = rows.iter().find(|row| row["name"] == name).expect("the section");
+        let row = rows
+            .iter()
+            .find(|row| row["name"] == name)
+            .expect("the section");
         row["offset"].as_u64().expect("an offset") as usize
     };
     let mut bytes = std::fs::read(&package).expect("the package");
@@ -107,7 +131,12 @@ fn damage_is_found_and_named() {
 
     let first = run(&["verify", path(&damaged)]);
     assert_eq!(first.status.code(), Some(1));
-    assert_eq!(text(&first.stdout).lines().count(), 1, "{}", text(&first.stdout));
+    assert_eq!(
+        text(&first.stdout).lines().count(),
+        1,
+        "{}",
+        text(&first.stdout)
+    );
     let all = json(&run(&["verify", path(&damaged), "--all", "--json"]));
     assert_eq!(all["sound"], false);
     let findings = all["findings"].as_array().expect("findings");
@@ -116,11 +145,25 @@ fn damage_is_found_and_named() {
             row["part"] == part && row["offset"] == offset && row["file_offset"] == start + offset
         })
     };
-    assert!(place("section vertices", 0, vertices) && place("section vertices", 56, vertices), "{all}");
+    assert!(
+        place("section vertices", 0, vertices) && place("section vertices", 56, vertices),
+        "{all}"
+    );
     assert!(place("section indices", 8, indices), "{all}");
-    let cut = json(&run(&["verify", path(&damaged), "--all", "--limit", "1", "--json"]));
+    let cut = json(&run(&[
+        "verify",
+        path(&damaged),
+        "--all",
+        "--limit",
+        "1",
+        "--json",
+    ]));
     assert_eq!(cut["omitted"], findings.len() - 1);
-    assert!(run(&["verify", path(&damaged), "--quiet"]).stdout.is_empty());
+    assert!(
+        run(&["verify", path(&damaged), "--quiet"])
+            .stdout
+            .is_empty()
+    );
 }
 
 #[test]
@@ -132,7 +175,11 @@ fn what_is_no_package_is_an_error() {
         for file in [&text_file, &folder.path().join("none.cairn")] {
             let done = run(&[command, path(file)]);
             assert_eq!(done.status.code(), Some(2), "{command}");
-            assert!(text(&done.stderr).contains(path(file)), "{}", text(&done.stderr));
+            assert!(
+                text(&done.stderr).contains(path(file)),
+                "{}",
+                text(&done.stderr)
+            );
         }
     }
 }

@@ -1,15 +1,16 @@
 //! Texel blocks back to texels.
 
+use basisu::uastc::unpack;
 use cairn_format::TextureFormat;
-use cairn_format::scene::ArchivedImage;
+use cairn_format::scene::{ArchivedImage, ArchivedSwizzle};
 use cairn_format::texture::mip_extent;
 use half::f16;
 use rayon::prelude::*;
 
 use crate::encode::unpack_rgb9e5;
 
-/// One layer of one level: rows from the top, stored values in [0,1], or radiance as stored. Absent colour channels
-/// are 0, absent alpha is 1.
+/// One layer of one level as shaders read it, but for the sRGB curve: rows from the top, values in [0,1], or
+/// radiance as stored. Absent colour channels are 0, absent alpha is 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
     pub format: TextureFormat,
@@ -17,6 +18,13 @@ pub struct Plane {
     pub height: u32,
     pub texels: Vec<[f32; 4]>,
 }
+
+const IDENTITY: [ArchivedSwizzle; 4] = [
+    ArchivedSwizzle::Red,
+    ArchivedSwizzle::Green,
+    ArchivedSwizzle::Blue,
+    ArchivedSwizzle::Alpha,
+];
 
 /// Decodes one layer of one level of an image whose texel section is `texels`; both must be there.
 ///
@@ -29,16 +37,31 @@ pub fn layer(image: &ArchivedImage, texels: &[u8], level: usize, layer: u32) -> 
     assert!(layer < image.layers.to_native(), "layer {layer}");
     let bytes = format.level_bytes(width, height);
     let start = image.levels[level].offset.to_native() + u64::from(layer) * bytes;
+    let bytes = &texels[start as usize..(start + bytes) as usize];
+    let mut texels = decode(format, width, height, bytes);
+    let components = image.swizzle;
+    if components != IDENTITY {
+        texels
+            .iter_mut()
+            .for_each(|texel| *texel = components.map(|c| component(c, texel)));
+    }
     Plane {
         format,
         width,
         height,
-        texels: decode(
-            format,
-            width,
-            height,
-            &texels[start as usize..(start + bytes) as usize],
-        ),
+        texels,
+    }
+}
+
+/// What a shader reads as one component.
+fn component(swizzle: ArchivedSwizzle, texel: &[f32; 4]) -> f32 {
+    match swizzle {
+        ArchivedSwizzle::Red => texel[0],
+        ArchivedSwizzle::Green => texel[1],
+        ArchivedSwizzle::Blue => texel[2],
+        ArchivedSwizzle::Alpha => texel[3],
+        ArchivedSwizzle::Zero => 0.0,
+        ArchivedSwizzle::One => 1.0,
     }
 }
 
@@ -91,9 +114,17 @@ fn decode_texel(format: TextureFormat, bytes: &[u8]) -> [f32; 4] {
     }
 }
 
-/// One block of 4x4 texels, by the decoder of a project of its own.
+/// One block of 4x4 texels, by decoders of projects of their own. A UASTC block that is none is magenta.
 fn decode_block(format: TextureFormat, bytes: &[u8]) -> [[f32; 4]; 16] {
+    let from_codes = |codes: [u8; 4]| codes.map(|code| f32::from(code) / 255.0);
     match format {
+        TextureFormat::UastcUnorm | TextureFormat::UastcSrgb => {
+            let block = bytes.first_chunk::<16>();
+            let texels = block.and_then(|block| unpack::unpack_uastc(block, format.is_srgb()));
+            texels.map_or([[1.0, 0.0, 1.0, 1.0]; 16], |texels| {
+                std::array::from_fn(|texel| from_codes(texels[texel].c))
+            })
+        }
         TextureFormat::Bc5Unorm => {
             let mut values = [0.0_f32; 32];
             bcdec_rs::bc5_float(bytes, &mut values, 8, false);

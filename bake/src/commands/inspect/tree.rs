@@ -6,7 +6,8 @@ use cairn_format::gpu::{Material, MaterialExtension, Record};
 use serde_json::{Map, Value};
 
 use crate::look::{
-    Contents, ErrorRow, ImageRow, MaterialRow, MeshRow, Picture, bytes_text, number, printable, record_values,
+    Contents, ErrorRow, ImageRow, MaterialRow, MeshRow, Picture, bytes_text, number, printable,
+    record_values,
 };
 
 /// Widest column of names.
@@ -244,7 +245,10 @@ fn material(out: &mut String, material: &MaterialRow) -> Result {
     writeln!(out, "  {}", name(&material.name))?;
     let mut defaults = record_values(Material::FIELDS, bytemuck::bytes_of(&Material::default()));
     let extension = MaterialExtension::default();
-    defaults.extend(record_values(MaterialExtension::FIELDS, bytemuck::bytes_of(&extension)));
+    defaults.extend(record_values(
+        MaterialExtension::FIELDS,
+        bytemuck::bytes_of(&extension),
+    ));
     let mut special = material.values.clone();
     special.retain(|field, value| defaults.get(field) != Some(value));
     if !special.is_empty() {
