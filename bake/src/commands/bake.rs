@@ -2,7 +2,7 @@
 
 use super::SUCCESS;
 use crate::args::Args;
-use crate::diagnostic::BakeError;
+use crate::diagnostic::{BakeError, listing};
 use crate::pipeline::{Options, bake};
 use crate::progress::{Bar, Progress, Silent};
 use crate::report::Summary;
@@ -38,9 +38,7 @@ fn bake_with_progress(args: &Args) -> Result<Summary, BakeError> {
 
 fn print(args: &Args, summary: &Summary) {
     if !args.quiet {
-        for diagnostic in &summary.diagnostics {
-            eprintln!("{diagnostic}");
-        }
+        eprint!("{}", listing(&summary.diagnostics));
     }
     if args.json {
         match serde_json::to_string(summary) {
