@@ -10,7 +10,7 @@ use cairn_format::scene::{
 use cairn_format::{SectionKind, Writer, features};
 
 use crate::diagnostic::{BakeError, Result};
-use crate::encode::{EncodeOptions, Kernels, Quality, SkyFormat};
+use crate::encode::{EncodeOptions, SkyFormat};
 use crate::environment::EnvironmentOptions;
 use crate::import::{EnvironmentImage, import, load_environment};
 use crate::materials::{self, Plan};
@@ -27,7 +27,8 @@ pub struct Options {
     pub input: PathBuf,
     pub environment: Option<PathBuf>,
     pub output: PathBuf,
-    pub texture_quality: Quality,
+    /// Effort, mip filter and kernels of the texture encoders.
+    pub textures: EncodeOptions,
     /// Sizes, sun and error bound of image-based light.
     pub light: EnvironmentOptions,
     /// Storage of the sky and of the prefiltered cube.
@@ -60,23 +61,17 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     let geometry_seconds = clock.lap("geometry");
 
     let plan = materials::plan(&scene, &prepared.materials_used);
-    let encoding = EncodeOptions {
-        quality: options.texture_quality,
-        kernels: Kernels::Reproducible,
-        ..EncodeOptions::default()
-    };
     let encoded = textures::encode_all(
         &scene,
         &plan,
-        &encoding,
+        &options.textures,
         options.limit_pixels,
         &|fraction| {
             progress.update("textures", fraction);
         },
     )?;
     let mut texels = Texels::default();
-    let preset = format!("{:?}", options.texture_quality).to_lowercase();
-    let stored = textures::store(&mut texels, &scene, &plan, &encoded, &preset);
+    let stored = textures::store(&mut texels, &scene, &plan, &encoded);
     drop(encoded);
     clock.lap("textures");
 
@@ -126,6 +121,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
             .map(|image| image.diagnostics)
             .unwrap_or_default(),
     );
+    summary.diagnostics.extend(texels.diagnostics);
     summary.report.extend(texels.report);
     summary.package_bytes = package_bytes;
     summary.content_hash = hex(&content_hash);
@@ -366,12 +362,12 @@ fn provenance(
     }));
     Provenance {
         tool: tool(),
-        settings: vec![setting(
-            "texture-quality",
-            format!("{:?}", options.texture_quality).to_lowercase(),
-        )]
-        .into_iter()
-        .chain(environment.into_iter().flat_map(|_| {
+        settings: options
+            .textures
+            .provenance()
+            .into_iter()
+            .map(|(name, value)| setting(name, value))
+            .chain(environment.into_iter().flat_map(|_| {
             [
                 setting(
                     "sky-format",

@@ -185,7 +185,7 @@ pub fn options(scene: &str, sky: Option<&str>, output: &Path) -> cairn_bake::Opt
         input: assets.join(scene),
         environment: sky.map(|sky| assets.join(sky)),
         output: output.to_owned(),
-        texture_quality: cairn_bake::encode::Quality::Default,
+        textures: Default::default(),
         light: Default::default(),
         sky_format: Default::default(),
         limit_pixels: 1 << 28,
@@ -198,7 +198,10 @@ pub fn quick_options(input: &Path, output: &Path) -> cairn_bake::Options {
         input: input.to_owned(),
         environment: None,
         output: output.to_owned(),
-        texture_quality: cairn_bake::encode::Quality::Fast,
+        textures: cairn_bake::encode::EncodeOptions {
+            effort: cairn_bake::encode::Quality::Fast.into(),
+            ..Default::default()
+        },
         light: Default::default(),
         sky_format: Default::default(),
         limit_pixels: 1 << 28,
