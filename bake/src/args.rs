@@ -1,13 +1,13 @@
-//! The command line of `cairn-bake`.
+//! The command line of a bake.
 
 use std::path::PathBuf;
 
-use crate::encode::{Quality, SkyFormat};
+use crate::encode::{Effort, EncodeOptions, Kernels, MipFilter, SkyFormat};
 use crate::environment::{EnvironmentOptions, SunMode};
+use crate::pipeline::DEFAULT_LIMIT_PIXELS;
 
-/// Bake a glTF 2.0 scene, and an environment, into one Cairn package.
-#[derive(clap::Parser, Debug)]
-#[command(name = "cairn-bake", version, after_help = EXAMPLES)]
+/// What to bake, how, and what to print.
+#[derive(clap::Args, Debug)]
 pub struct Args {
     /// The scene: .gltf or .glb.
     pub input: PathBuf,
@@ -17,9 +17,16 @@ pub struct Args {
     /// The package to write.
     #[arg(long, short, value_name = "OUT.cairn")]
     pub output: PathBuf,
-    /// Effort of the texture encoders.
-    #[arg(long, value_enum, default_value = "default")]
-    pub texture_quality: TextureQuality,
+    /// Effort of the texture encoders: fast, default, best, or the least PSNR of level 0, such as 42dB, for which
+    /// each texture gets the cheapest preset that reaches it.
+    #[arg(long, value_name = "EFFORT", default_value_t)]
+    pub texture_quality: Effort,
+    /// How mips are made.
+    #[arg(long, value_enum, default_value = "kaiser")]
+    pub mip_filter: MipFilter,
+    /// Encode with this machine's instruction set; the bytes then depend on the machine, and the package says so.
+    #[arg(long)]
+    pub native_isa: bool,
     /// What becomes of the environment's sun.
     #[arg(long, value_enum, default_value = "auto")]
     pub sun: Sun,
@@ -33,7 +40,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "bc6h")]
     pub sky_format: SkyFormat,
     /// Images of more texels than this are refused.
-    #[arg(long, value_name = "TEXELS", default_value_t = 1 << 28)]
+    #[arg(long, value_name = "TEXELS", default_value_t = DEFAULT_LIMIT_PIXELS)]
     pub limit_pixels: u64,
     /// Threads to use; the bytes are the same for any number.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
@@ -83,6 +90,19 @@ impl IblQuality {
 }
 
 impl Args {
+    /// Options of the texture encoders.
+    pub fn textures(&self) -> EncodeOptions {
+        EncodeOptions {
+            effort: self.texture_quality,
+            filter: self.mip_filter,
+            kernels: if self.native_isa {
+                Kernels::Native
+            } else {
+                Kernels::Reproducible
+            },
+        }
+    }
+
     /// Options of image-based light.
     pub fn light(&self) -> EnvironmentOptions {
         EnvironmentOptions {
@@ -107,39 +127,5 @@ fn percent(text: &str) -> Result<f64, String> {
         Ok(number / 100.0)
     } else {
         Err("must be above 0 and at most 100".into())
-    }
-}
-
-/// Encoder presets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum TextureQuality {
-    Fast,
-    Default,
-    Best,
-}
-
-impl From<TextureQuality> for Quality {
-    fn from(quality: TextureQuality) -> Self {
-        match quality {
-            TextureQuality::Fast => Self::Fast,
-            TextureQuality::Default => Self::Default,
-            TextureQuality::Best => Self::Best,
-        }
-    }
-}
-
-const EXAMPLES: &str = "Examples:
-  cairn-bake helmet.gltf --env park.hdr -o helmet.cairn
-  cairn-bake hall.glb -o hall.cairn --json > report.json
-  cairn-bake hall.glb -o hall.cairn --texture-quality best -v
-
-Exit codes: 0 success, 2 bad input or unwritable output; then no output file was touched.";
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn the_command_line_is_consistent() {
-        use clap::CommandFactory;
-        super::Args::command().debug_assert();
     }
 }

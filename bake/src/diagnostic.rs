@@ -3,10 +3,13 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use crate::label::Label;
 use crate::scene::Origin;
 
 /// How much a diagnostic matters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
     Warning,
@@ -14,11 +17,12 @@ pub enum Severity {
 }
 
 /// One message about one place in the input.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Diagnostic {
     pub severity: Severity,
     /// Stable name such as `accessor-out-of-range`.
-    pub code: &'static str,
+    #[serde(deserialize_with = "crate::label::read")]
+    pub code: Label,
     /// File as the user named it, or relative to the scene.
     pub file: String,
     /// JSON pointer (`/meshes/0/primitives/1`), byte offset (`byte 1234`) or empty.

@@ -2,11 +2,13 @@
 
 pub mod alias;
 pub mod args;
+pub mod commands;
 pub mod diagnostic;
 pub mod emitters;
 pub mod encode;
 pub mod environment;
 pub mod import;
+pub mod label;
 pub mod materials;
 pub mod pipeline;
 pub mod prepare;

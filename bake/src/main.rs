@@ -2,61 +2,9 @@
 
 use std::process::ExitCode;
 
-use cairn_bake::args::Args;
-use cairn_bake::progress::Bar;
-use cairn_bake::{BakeError, Options, Progress, Silent, Summary, bake};
+use cairn_bake::commands::Cli;
 use clap::Parser;
 
 fn main() -> ExitCode {
-    let args = Args::parse();
-    match run(&args) {
-        Ok(summary) => {
-            print(&args, &summary);
-            ExitCode::SUCCESS
-        }
-        Err(error) => {
-            eprintln!("{error}");
-            ExitCode::from(2)
-        }
-    }
-}
-
-fn run(args: &Args) -> Result<Summary, BakeError> {
-    if let Some(threads) = args.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
-        // Fails only where a pool exists already, and nothing has run before.
-        let _ = pool.build_global();
-    }
-    let options = Options {
-        input: args.input.clone(),
-        environment: args.env.clone(),
-        output: args.output.clone(),
-        texture_quality: args.texture_quality.into(),
-        light: args.light(),
-        sky_format: args.sky_format,
-        limit_pixels: args.limit_pixels,
-    };
-    if args.quiet || args.json {
-        return bake(&options, &Silent);
-    }
-    let bar = Bar::new();
-    let summary = bake(&options, &bar as &dyn Progress);
-    bar.clear();
-    summary
-}
-
-fn print(args: &Args, summary: &Summary) {
-    if !args.quiet {
-        for diagnostic in &summary.diagnostics {
-            eprintln!("{diagnostic}");
-        }
-    }
-    if args.json {
-        match serde_json::to_string(summary) {
-            Ok(json) => println!("{json}"),
-            Err(error) => eprintln!("error[json]: {error}"),
-        }
-    } else if !args.quiet {
-        print!("{}", summary.text(args.verbose));
-    }
+    Cli::parse().run()
 }

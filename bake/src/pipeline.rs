@@ -37,6 +37,24 @@ pub struct Options {
     pub limit_pixels: u64,
 }
 
+impl Options {
+    /// A bake without an environment, everything else as the command line has it by default.
+    pub fn new(input: impl Into<PathBuf>, output: impl Into<PathBuf>) -> Self {
+        Self {
+            input: input.into(),
+            environment: None,
+            output: output.into(),
+            textures: EncodeOptions::default(),
+            light: EnvironmentOptions::default(),
+            sky_format: SkyFormat::default(),
+            limit_pixels: DEFAULT_LIMIT_PIXELS,
+        }
+    }
+}
+
+/// Texels of an image of 16384 x 16384.
+pub const DEFAULT_LIMIT_PIXELS: u64 = 1 << 28;
+
 /// Bakes one package.
 ///
 /// # Errors
@@ -368,16 +386,16 @@ fn provenance(
             .into_iter()
             .map(|(name, value)| setting(name, value))
             .chain(environment.into_iter().flat_map(|_| {
-            [
-                setting(
-                    "sky-format",
-                    format!("{:?}", options.sky_format).to_lowercase(),
-                ),
-                setting("sun", format!("{:?}", options.light.sun).to_lowercase()),
-                setting("ibl-error", options.light.error.to_string()),
-            ]
-        }))
-        .collect(),
+                [
+                    setting(
+                        "sky-format",
+                        format!("{:?}", options.sky_format).to_lowercase(),
+                    ),
+                    setting("sun", format!("{:?}", options.light.sun).to_lowercase()),
+                    setting("ibl-error", options.light.error.to_string()),
+                ]
+            }))
+            .collect(),
         sources,
     }
 }

@@ -2,13 +2,14 @@
 
 use std::fmt::Write;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::diagnostic::Diagnostic;
+use crate::label::Label;
 use crate::prepare::{GeometryStats, StepTime};
 
 /// One row of the speed-against-error report.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     pub stage: String,
     /// The object, such as an image's name.
@@ -18,7 +19,8 @@ pub struct Row {
     pub seconds: f64,
     /// In `throughput_unit`; absent where it has no meaning.
     pub throughput: Option<f64>,
-    pub throughput_unit: &'static str,
+    #[serde(deserialize_with = "crate::label::read")]
+    pub throughput_unit: Label,
     /// Name and unit of the error.
     pub metric: String,
     pub error: f64,
@@ -26,21 +28,23 @@ pub struct Row {
 }
 
 /// Wall time of a stage.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stage {
-    pub name: &'static str,
+    #[serde(deserialize_with = "crate::label::read")]
+    pub name: Label,
     pub seconds: f64,
 }
 
 /// Bytes of a section.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Section {
-    pub name: &'static str,
+    #[serde(deserialize_with = "crate::label::read")]
+    pub name: Label,
     pub bytes: u64,
 }
 
 /// The result of a bake.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Summary {
     pub input: String,
     pub output: String,
@@ -56,7 +60,8 @@ pub struct Summary {
     pub images: u64,
     pub lights: u64,
     pub cameras: u64,
-    pub features: Vec<&'static str>,
+    #[serde(deserialize_with = "crate::label::read_list")]
+    pub features: Vec<Label>,
     pub sections: Vec<Section>,
     pub package_bytes: u64,
     /// BLAKE3 of header, section table and root, which holds the hash of every section.
@@ -171,6 +176,10 @@ impl Summary {
     fn write_worst(&self, out: &mut String) -> std::fmt::Result {
         let mut metrics: Vec<&str> = Vec::new();
         for row in &self.report {
+            // Rows of single mips are summed up by one of their own.
+            if row.metric.contains(", mip ") {
+                continue;
+            }
             if !metrics.contains(&row.metric.as_str()) {
                 metrics.push(&row.metric);
             }

@@ -186,10 +186,20 @@ fn rows(name: &str, texture: &EncodedTexture, bytes: u64) -> Vec<Row> {
     let levels = report.alpha_coverage_delta.len();
     for (level, delta) in report.alpha_coverage_delta.iter().enumerate() {
         // The last level has one texel, which covers all or nothing.
-        let bound = if level + 1 == levels { ", one texel" } else { "" };
-        rows.push(row(format!("alpha coverage delta, mip {level}{bound}"), *delta));
+        let bound = if level + 1 == levels {
+            ", one texel"
+        } else {
+            ""
+        };
+        rows.push(row(
+            format!("alpha coverage delta, mip {level}{bound}"),
+            *delta,
+        ));
     }
-    let coverage = report.alpha_coverage_delta.iter().take(levels.saturating_sub(1));
+    let coverage = report
+        .alpha_coverage_delta
+        .iter()
+        .take(levels.saturating_sub(1));
     if let Some(worst) = coverage.map(|delta| delta.abs()).max_by(f64::total_cmp) {
         rows.push(row("alpha coverage delta, worst mip".into(), worst));
     }

@@ -142,3 +142,30 @@ fn help_has_examples() {
     let done = bake(&["--help"]);
     assert!(done.status.success() && text(&done.stdout).contains("Examples:"));
 }
+
+#[test]
+fn completions_and_manual_pages_come_from_the_command_line() {
+    for (shell, expected) in [
+        ("bash", "complete"),
+        ("zsh", "#compdef cairn-bake"),
+        ("fish", "complete -c cairn-bake"),
+    ] {
+        let done = bake(&["completions", shell]);
+        let script = text(&done.stdout);
+        assert!(
+            done.status.success() && script.contains(expected),
+            "{script}"
+        );
+        assert!(script.contains("sky-format"), "{shell} completes flags");
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let pages = folder.path().join("man 1");
+    let done = bake(&["man", path(&pages)]);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let page = std::fs::read_to_string(pages.join("cairn-bake.1")).expect("the page");
+    assert!(
+        page.contains(".TH cairn-bake") && page.contains("Exit codes"),
+        "{page}"
+    );
+    assert!(pages.join("cairn-bake-completions.1").exists());
+}

@@ -182,29 +182,19 @@ pub fn repository() -> PathBuf {
 pub fn options(scene: &str, sky: Option<&str>, output: &Path) -> cairn_bake::Options {
     let assets = repository().join("assets");
     cairn_bake::Options {
-        input: assets.join(scene),
         environment: sky.map(|sky| assets.join(sky)),
-        output: output.to_owned(),
-        textures: Default::default(),
-        light: Default::default(),
-        sky_format: Default::default(),
-        limit_pixels: 1 << 28,
+        ..cairn_bake::Options::new(assets.join(scene), output)
     }
 }
 
 /// Options that bake any file without an environment, in the least time.
 pub fn quick_options(input: &Path, output: &Path) -> cairn_bake::Options {
     cairn_bake::Options {
-        input: input.to_owned(),
-        environment: None,
-        output: output.to_owned(),
         textures: cairn_bake::encode::EncodeOptions {
             effort: cairn_bake::encode::Quality::Fast.into(),
             ..Default::default()
         },
-        light: Default::default(),
-        sky_format: Default::default(),
-        limit_pixels: 1 << 28,
+        ..cairn_bake::Options::new(input, output)
     }
 }
 

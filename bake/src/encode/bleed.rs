@@ -76,7 +76,11 @@ fn push(plane: &mut Plane, coarse: &Plane) {
 fn between(coarse: &Plane, x: usize, y: usize) -> [f32; 3] {
     let axis = |at: usize, extent: u32| {
         let near = at / 2;
-        let far = if at % 2 == 1 { near + 1 } else { near.saturating_sub(1) };
+        let far = if at % 2 == 1 {
+            near + 1
+        } else {
+            near.saturating_sub(1)
+        };
         [near, far.min(extent as usize - 1)]
     };
     let (columns, rows) = (axis(x, coarse.width), axis(y, coarse.height));
@@ -120,9 +124,16 @@ mod tests {
             });
             assert!(bleed(&mut image));
             for (index, texel) in (0..).zip(&image.texels) {
-                let alpha = if lone(index % width, index / width) { 0.5 } else { 0.0 };
+                let alpha = if lone(index % width, index / width) {
+                    0.5
+                } else {
+                    0.0
+                };
                 for (value, expected) in texel.iter().zip([0.25, 0.5, 0.75, alpha]) {
-                    assert!((value - expected).abs() < 1e-6, "{width}x{height}: {texel:?}");
+                    assert!(
+                        (value - expected).abs() < 1e-6,
+                        "{width}x{height}: {texel:?}"
+                    );
                 }
             }
         }

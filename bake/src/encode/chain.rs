@@ -116,7 +116,8 @@ impl<'a> Chain<'a> {
                 let compress = |codes: &[[u8; 4]]| self.compress(self.codec, codes);
                 let found = masked::keep(&grid, &self.alpha(), coverage, &mut codes, &compress);
                 self.coverages.push(found.coverage);
-                self.errors.push(self.measure(&found.blocks, Some(&found.alpha)));
+                self.errors
+                    .push(self.measure(&found.blocks, Some(&found.alpha)));
                 found.blocks
             }
             mask => {

@@ -6,9 +6,7 @@ use rayon::prelude::*;
 use crate::scene::Wrap;
 
 /// How a mip is made of the level above it.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize, clap::ValueEnum,
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum MipFilter {
     /// Kaiser-windowed sinc, alpha 4, three output texels to each side: sharper and less aliased than a box, rings at
@@ -108,7 +106,13 @@ fn resample_weighted(plane: &Plane, across: &Kernel, down: &Kernel, filter: MipF
         .then(|| resample(plane, across, down));
     for (index, texel) in weighted.texels.iter_mut().enumerate() {
         let [r, g, b, a] = *texel;
-        let own = [r, g, b].map(|value| if a > LEAST_ALPHA { (value / a).min(1.0) } else { 0.0 });
+        let own = [r, g, b].map(|value| {
+            if a > LEAST_ALPHA {
+                (value / a).min(1.0)
+            } else {
+                0.0
+            }
+        });
         *texel = match &plain {
             Some(plain) if a <= little => {
                 let share = if a > LEAST_ALPHA { a / little } else { 0.0 };

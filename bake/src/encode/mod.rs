@@ -28,7 +28,7 @@ pub use error::AngleError;
 pub use hdr::SkyFormat;
 pub use mips::MipFilter;
 pub use role::Role;
-pub use settings::{EncodeOptions, Effort, Kernels, Quality, native_isa};
+pub use settings::{Effort, EncodeOptions, Kernels, Quality, native_isa};
 
 use crate::scene::Wrap;
 use chain::Chain;

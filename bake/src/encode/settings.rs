@@ -119,8 +119,6 @@ pub struct EncodeOptions {
     pub effort: Effort,
     pub filter: MipFilter,
     pub kernels: Kernels,
-    /// Whether roughness grows in the mips by what the normal map's lose of their length.
-    pub toksvig: bool,
 }
 
 impl EncodeOptions {
@@ -132,9 +130,6 @@ impl EncodeOptions {
         ];
         if self.kernels == Kernels::Native {
             settings.push(("native-isa", native_isa().into()));
-        }
-        if self.toksvig {
-            settings.push(("toksvig", "on".into()));
         }
         settings
     }
@@ -182,13 +177,16 @@ mod tests {
     #[test]
     fn only_what_differs_from_reproducible_is_marked() {
         let plain = EncodeOptions::default().provenance();
-        assert!(plain.iter().all(|(name, _)| *name != "native-isa" && *name != "toksvig"));
+        assert!(plain.iter().all(|(name, _)| *name != "native-isa"));
         let native = EncodeOptions {
             kernels: Kernels::Native,
-            toksvig: true,
             ..EncodeOptions::default()
         };
-        let names: Vec<&str> = native.provenance().iter().map(|setting| setting.0).collect();
-        assert_eq!(names, ["texture-quality", "mip-filter", "native-isa", "toksvig"]);
+        let names: Vec<&str> = native
+            .provenance()
+            .iter()
+            .map(|setting| setting.0)
+            .collect();
+        assert_eq!(names, ["texture-quality", "mip-filter", "native-isa"]);
     }
 }

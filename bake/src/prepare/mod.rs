@@ -89,7 +89,7 @@ pub struct Prepared {
 }
 
 /// What happened to the geometry. Vertices and triangles count once per stored primitive.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct GeometryStats {
     /// Stored triangles.
     pub triangles: u64,

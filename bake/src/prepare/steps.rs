@@ -2,7 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+
+use crate::label::Label;
 
 /// A step, in the order of work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,9 +37,10 @@ const NAMES: [&str; 9] = [
 ];
 
 /// Time of one step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StepTime {
-    pub name: &'static str,
+    #[serde(deserialize_with = "crate::label::read")]
+    pub name: Label,
     /// Summed over threads.
     pub seconds: f64,
     /// Triangles that needed the step.

@@ -1,0 +1,122 @@
+//! What the program can do: one file a command; without a name it bakes.
+
+mod bake;
+mod shell;
+
+use std::process::ExitCode;
+
+use crate::args::Args;
+use crate::diagnostic::BakeError;
+
+/// Everything went as asked.
+pub const SUCCESS: u8 = 0;
+/// The answer is no: packages differ, a package is damaged.
+pub const NEGATIVE: u8 = 1;
+/// Bad input, an unwritable output or a bad command line; no output file was touched.
+pub const FAILURE: u8 = 2;
+
+/// The whole command line of `cairn-bake`.
+#[derive(clap::Parser, Debug)]
+#[command(
+    name = "cairn-bake",
+    version,
+    about = "Bake a glTF 2.0 scene, and an environment, into one Cairn package",
+    after_help = EXAMPLES,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true
+)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    #[command(flatten)]
+    pub bake: Option<Args>,
+}
+
+/// What to do in place of a bake.
+#[derive(clap::Subcommand, Debug)]
+pub enum Command {
+    /// Write a shell's completions to standard output.
+    Completions(shell::Completions),
+    /// Write the manual pages into a folder.
+    Man(shell::Man),
+}
+
+impl Cli {
+    /// Does what the command line asks for.
+    pub fn run(self) -> ExitCode {
+        let done = match (self.command, self.bake) {
+            (Some(command), _) => command.run(),
+            (None, Some(args)) => bake::run(&args),
+            // The parser asks for a scene where there is no command.
+            (None, None) => Ok(FAILURE),
+        };
+        match done {
+            Ok(code) => ExitCode::from(code),
+            Err(error) => {
+                eprintln!("{error}");
+                ExitCode::from(FAILURE)
+            }
+        }
+    }
+}
+
+impl Command {
+    /// The exit code: [`SUCCESS`] or [`NEGATIVE`].
+    fn run(self) -> Result<u8, BakeError> {
+        match self {
+            Self::Completions(args) => args.run(),
+            Self::Man(args) => args.run(),
+        }
+    }
+}
+
+const EXAMPLES: &str = "Examples:
+  cairn-bake helmet.gltf --env park.hdr -o helmet.cairn
+  cairn-bake hall.glb -o hall.cairn --json > report.json
+  cairn-bake hall.glb -o hall.cairn --texture-quality best -v
+  cairn-bake completions bash > ~/.local/share/bash-completion/completions/cairn-bake
+
+A scene that is named like a command is given with its folder: ./inspect
+
+Exit codes: 0 success, 1 the answer is no (packages differ, a package is damaged),
+2 bad input or unwritable output; then no output file was touched.";
+
+#[cfg(test)]
+mod tests {
+    use clap::{CommandFactory, Parser};
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_scene_is_baked_and_a_command_is_obeyed() {
+        let cli = Cli::try_parse_from(["cairn-bake", "a.gltf", "-o", "a.cairn"]).expect("a bake");
+        assert!(cli.command.is_none() && cli.bake.is_some_and(|args| !args.json));
+        let cli = Cli::try_parse_from(["cairn-bake", "completions", "bash"]).expect("a command");
+        assert!(matches!(cli.command, Some(Command::Completions(_))) && cli.bake.is_none());
+    }
+
+    #[test]
+    fn nothing_is_asked_for_by_halves() {
+        for line in [
+            &["cairn-bake"][..],
+            &["cairn-bake", "a.gltf"],
+            &["cairn-bake", "-o", "a.cairn"],
+            &[
+                "cairn-bake",
+                "a.gltf",
+                "-o",
+                "a.cairn",
+                "completions",
+                "bash",
+            ],
+            &["cairn-bake", "completions", "no-shell"],
+        ] {
+            assert!(Cli::try_parse_from(line).is_err(), "{line:?}");
+        }
+    }
+}
