@@ -26,6 +26,7 @@ use serde::Serialize;
 pub use codec::Codec;
 pub use error::AngleError;
 pub use hdr::SkyFormat;
+pub(crate) use hdr::unpack_rgb9e5;
 pub use mips::MipFilter;
 pub use role::Role;
 pub use settings::{Effort, EncodeOptions, Kernels, Quality, native_isa};
