@@ -22,7 +22,10 @@ fn codes_are_sorted_and_found() {
 
 fn is_source(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    name.ends_with(".rs") && name != "codes.rs" && !name.ends_with("tests.rs") && name != "testing.rs"
+    name.ends_with(".rs")
+        && name != "codes.rs"
+        && !name.ends_with("tests.rs")
+        && name != "testing.rs"
 }
 
 fn sources(folder: &Path, found: &mut String) {
@@ -36,7 +39,10 @@ fn sources(folder: &Path, found: &mut String) {
             sources(&path, found);
         } else if is_source(&path) {
             let text = std::fs::read_to_string(&path).expect("a source file");
-            *found += text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
+            *found += text
+                .split("#[cfg(test)]\nmod tests {")
+                .next()
+                .unwrap_or_default();
         }
     }
 }
@@ -76,7 +82,15 @@ fn code_of_call(arguments: &str) -> Option<&str> {
 fn every_message_has_a_known_code() {
     let text = all_sources();
     let mut calls = 0;
-    for callee in ["warning(", "error(", "input(", "warn(", "warn_group(", "refuse(", "fault("] {
+    for callee in [
+        "warning(",
+        "error(",
+        "input(",
+        "warn(",
+        "warn_group(",
+        "refuse(",
+        "fault(",
+    ] {
         for (at, _) in text.match_indices(callee) {
             let Some(code) = code_of_call(&text[at + callee.len()..]) else {
                 continue;

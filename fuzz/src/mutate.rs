@@ -16,7 +16,7 @@ impl Random {
         Self(seed | 1)
     }
 
-    pub fn next(&mut self) -> u64 {
+    pub fn draw(&mut self) -> u64 {
         self.0 ^= self.0 >> 12;
         self.0 ^= self.0 << 25;
         self.0 ^= self.0 >> 27;
@@ -25,7 +25,7 @@ impl Random {
 
     /// Below `bound`, which is not 0.
     pub fn below(&mut self, bound: usize) -> usize {
-        (self.next() % bound as u64) as usize
+        (self.draw() % bound as u64) as usize
     }
 }
 
@@ -79,7 +79,7 @@ pub fn mutant(seeds: &[Vec<u8>], words: &[Vec<u8>], random: &mut Random) -> Vec<
 
 fn change(bytes: &mut Vec<u8>, seeds: &[Vec<u8>], words: &[Vec<u8>], random: &mut Random) {
     if bytes.is_empty() {
-        bytes.push(random.next() as u8);
+        bytes.push(random.draw() as u8);
         return;
     }
     let at = random.below(bytes.len());
@@ -95,7 +95,7 @@ fn change(bytes: &mut Vec<u8>, seeds: &[Vec<u8>], words: &[Vec<u8>], random: &mu
             bytes.splice(to..to, copy);
         }
         5 => {
-            let word = random.next().to_le_bytes();
+            let word = random.draw().to_le_bytes();
             let length = span.len().min(8);
             bytes[at..at + length].copy_from_slice(&word[..length]);
         }
