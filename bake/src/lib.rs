@@ -2,6 +2,7 @@
 
 pub mod alias;
 pub mod args;
+pub mod cache;
 pub mod commands;
 pub mod diagnostic;
 pub mod emitters;
@@ -16,6 +17,7 @@ pub mod progress;
 pub mod report;
 pub mod scene;
 pub mod sky;
+pub mod temporary;
 pub mod textures;
 pub mod write;
 

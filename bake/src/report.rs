@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use serde::{Deserialize, Serialize};
 
+use crate::cache;
 use crate::diagnostic::Diagnostic;
 use crate::label::Label;
 use crate::prepare::{GeometryStats, StepTime};
@@ -75,6 +76,8 @@ pub struct Summary {
     pub seconds: f64,
     /// Most memory that the process held; known on Linux alone.
     pub peak_memory_bytes: Option<u64>,
+    /// What was reused and why; absent where nothing is kept.
+    pub cache: Option<cache::Report>,
 }
 
 impl Summary {

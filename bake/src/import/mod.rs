@@ -37,6 +37,8 @@ use crate::scene::{Material, Mesh, Scene};
 pub use environment::{EnvironmentImage, ReplacedTexels, load_environment};
 pub use image::{DecodedImage, decode_image};
 
+pub(crate) use context::read_file;
+
 use context::Context;
 use node::Placed;
 
