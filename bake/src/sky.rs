@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use cairn_format::TextureFormat;
-use cairn_format::scene::{Environment, ImageRole, Sun};
+use cairn_format::scene::{Environment, IDENTITY_SWIZZLE, ImageRole, Sun};
 
 use crate::encode::SkyFormat;
 use crate::environment::{
@@ -100,6 +100,7 @@ pub fn store_lut(texels: &mut Texels, sheen: bool) -> u32 {
         name: "brdf-lut",
         role: ImageRole::Environment,
         format: TextureFormat::Rgba16Float,
+        swizzle: IDENTITY_SWIZZLE,
         width: LUT_SIZE,
         height: LUT_SIZE,
         layers: 1,
@@ -142,6 +143,7 @@ fn push_cube(texels: &mut Texels, name: &str, cube: &Cube, format: SkyFormat) ->
         name,
         role: ImageRole::Environment,
         format: format.texture_format(),
+        swizzle: IDENTITY_SWIZZLE,
         width: cube.size,
         height: cube.size,
         layers: 6,

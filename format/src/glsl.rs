@@ -43,21 +43,9 @@ mod tests {
             let mut end = 0;
             for field in fields {
                 assert_eq!(field.offset, end, "{name}.{} leaves a gap", field.name);
-                end = field.offset + glsl_bytes(field);
+                end = field.offset + field.bytes();
             }
             assert_eq!(end, size, "{name} ends early");
         }
-    }
-
-    fn glsl_bytes(field: &Field) -> usize {
-        let one = match field.glsl {
-            "float" | "uint" => 4,
-            "uint64_t" | "vec2" => 8,
-            "vec3" => 12,
-            "vec4" | "uvec4" => 16,
-            "mat4" => 64,
-            other => panic!("no size for {other}"),
-        };
-        one * field.count.max(1)
     }
 }

@@ -13,7 +13,7 @@ use rkyv::rancor::BoxedError;
 use rkyv::util::AlignedVec;
 
 use crate::bounds::BoundsView;
-use crate::check;
+use crate::check::{self, Flow, Found};
 use crate::error::{Error, Part, Result};
 use crate::gpu::{
     DirectionalLight, DrawGroup, EmissiveTriangle, EnvAliasEntry, EnvAliasHeader, Instance,
@@ -56,30 +56,35 @@ impl Package {
     /// # Errors
     /// [`Error`] with section and offset; never panics, never allocates more than the file's length.
     pub fn open(path: &Path) -> Result<Self> {
-        let io = |source| Error::Io {
-            path: path.to_owned(),
-            source,
-        };
-        let mut file = File::open(path).map_err(io)?;
-        let length = file.metadata().map_err(io)?.len();
-        let header = read_header(&mut file, length).map_err(|error| with_path(error, path))?;
-        let end = check::header(&header, length)?;
-        let mut head = AlignedVec::<16>::with_capacity(end as usize);
-        head.extend_from_slice(bytemuck::bytes_of(&header));
-        head.resize(end as usize, 0);
-        file.read_exact(&mut head[HEADER_BYTES as usize..])
-            .map_err(io)?;
-        // SAFETY: the map is read-only and only ever viewed as plain records for which every bit pattern is
-        // valid; what must not change (header, table, root) was copied above. A file that is cut while mapped
-        // is the one case left: `section` compares the length before it hands out a slice.
-        let map = unsafe { memmap2::Mmap::map(&file) }.map_err(io)?;
-        if map.len() as u64 != length {
-            return Err(Error::Changed {
-                expected: length,
-                actual: map.len() as u64,
-            });
+        let (header, head, bytes) = map(path)?;
+        Self::checked(header, head, bytes)
+    }
+
+    /// Checks a file as far as its damage allows, and hands every broken rule to `found`, in order: header, table,
+    /// root, hashes and padding, then bulk data. What a broken rule makes unreadable is not looked at.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where the file cannot be read; everything else goes to `found`.
+    pub fn examine(path: &Path, found: &mut Found) -> Result<()> {
+        match map(path) {
+            Ok((header, head, bytes)) => {
+                let _ = Self::examined(header, head, bytes, found);
+                Ok(())
+            }
+            Err(error @ Error::Io { .. }) => Err(error),
+            Err(error) => {
+                let _ = found(error);
+                Ok(())
+            }
         }
-        Self::from_parts(header, head, Bytes::Mapped(map, file))
+    }
+
+    /// [`Package::examine`] of a package in memory.
+    pub fn examine_bytes(bytes: &[u8], found: &mut Found) {
+        let _ = match copy(bytes) {
+            Ok((header, head, bytes)) => Self::examined(header, head, bytes, found),
+            Err(error) => found(error),
+        };
     }
 
     /// Checks a package in memory; the bytes are copied to aligned memory.
@@ -87,34 +92,66 @@ impl Package {
     /// # Errors
     /// As [`Package::open`].
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        let length = bytes.len() as u64;
-        let header = read_header(&mut &*bytes, length)?;
-        let end = check::header(&header, length)? as usize;
-        let mut head = AlignedVec::<16>::with_capacity(end);
-        head.extend_from_slice(&bytes[..end]);
-        let mut owned = AlignedVec::<16>::with_capacity(bytes.len());
-        owned.extend_from_slice(bytes);
-        Self::from_parts(header, head, Bytes::Owned(owned))
+        let (header, head, bytes) = copy(bytes)?;
+        Self::checked(header, head, bytes)
     }
 
-    fn from_parts(header: Header, head: AlignedVec<16>, bytes: Bytes) -> Result<Self> {
+    fn checked(header: Header, head: AlignedVec<16>, bytes: Bytes) -> Result<Self> {
+        check::first(|found| {
+            let package = Self::from_parts(header, head, bytes, found)?;
+            check::root(&package, found)?;
+            Flow::Continue(package)
+        })
+    }
+
+    fn examined(header: Header, head: AlignedVec<16>, bytes: Bytes, found: &mut Found) -> Flow {
+        let package = Self::from_parts(header, head, bytes, found)?;
+        let mut sound = true;
+        check::root(&package, &mut |error| {
+            sound = false;
+            found(error)
+        })?;
+        check::hashes_and_padding(&package, found)?;
+        if sound {
+            check::bulk(&package, found)
+        } else {
+            check::rootless(&package, found)
+        }
+    }
+
+    /// Table and root, readable but not yet checked against each other.
+    fn from_parts(
+        header: Header,
+        head: AlignedVec<16>,
+        bytes: Bytes,
+        found: &mut Found,
+    ) -> Flow<Self> {
         let table_bytes = u64::from(header.section_count) * ENTRY_BYTES;
         let table_end = (HEADER_BYTES + table_bytes) as usize;
         let rows: &[SectionEntry] = bytemuck::cast_slice(&head[HEADER_BYTES as usize..table_end]);
         let table = rows.to_vec();
-        check::content_hash(&header, &head)?;
-        check::table(&header, &table)?;
+        if let Err(error) = check::content_hash(&header, &head) {
+            found(error)?;
+        }
+        let mut sound = true;
+        let mut keep = |error| {
+            sound = false;
+            found(error)
+        };
+        check::table(&header, &table, &mut keep)?;
         let root = &head[header.root_offset as usize..];
-        rkyv::access::<ArchivedScene, BoxedError>(root)
-            .map_err(|error| Error::corrupt(Part::Root, 0, error.to_string()))?;
-        let package = Self {
+        if let Err(error) = rkyv::access::<ArchivedScene, BoxedError>(root) {
+            keep(Error::corrupt(Part::Root, 0, error.to_string()))?;
+        }
+        if !sound {
+            return Flow::Break(());
+        }
+        Flow::Continue(Self {
             header,
             table,
             head,
             bytes,
-        };
-        check::root(&package)?;
-        Ok(package)
+        })
     }
 
     /// The root.
@@ -293,9 +330,51 @@ impl Package {
     /// # Errors
     /// The first broken rule, with section and offset.
     pub fn verify(&self) -> Result<()> {
-        check::hashes_and_padding(self)?;
-        check::bulk(self)
+        check::first(|found| {
+            check::hashes_and_padding(self, found)?;
+            check::bulk(self, found)
+        })
     }
+}
+
+/// Header, checked copy of the head, and the sections' bytes of a file.
+fn map(path: &Path) -> Result<(Header, AlignedVec<16>, Bytes)> {
+    let io = |source| Error::Io {
+        path: path.to_owned(),
+        source,
+    };
+    let mut file = File::open(path).map_err(io)?;
+    let length = file.metadata().map_err(io)?.len();
+    let header = read_header(&mut file, length).map_err(|error| with_path(error, path))?;
+    let end = check::header(&header, length)?;
+    let mut head = AlignedVec::<16>::with_capacity(end as usize);
+    head.extend_from_slice(bytemuck::bytes_of(&header));
+    head.resize(end as usize, 0);
+    file.read_exact(&mut head[HEADER_BYTES as usize..])
+        .map_err(io)?;
+    // SAFETY: the map is read-only and only ever viewed as plain records for which every bit pattern is
+    // valid; what must not change (header, table, root) was copied above. A file that is cut while mapped
+    // is the one case left: `section` compares the length before it hands out a slice.
+    let map = unsafe { memmap2::Mmap::map(&file) }.map_err(io)?;
+    if map.len() as u64 != length {
+        return Err(Error::Changed {
+            expected: length,
+            actual: map.len() as u64,
+        });
+    }
+    Ok((header, head, Bytes::Mapped(map, file)))
+}
+
+/// The same of a package in memory, in aligned memory of its own.
+fn copy(bytes: &[u8]) -> Result<(Header, AlignedVec<16>, Bytes)> {
+    let length = bytes.len() as u64;
+    let header = read_header(&mut &*bytes, length)?;
+    let end = check::header(&header, length)? as usize;
+    let mut head = AlignedVec::<16>::with_capacity(end);
+    head.extend_from_slice(&bytes[..end]);
+    let mut owned = AlignedVec::<16>::with_capacity(bytes.len());
+    owned.extend_from_slice(bytes);
+    Ok((header, head, Bytes::Owned(owned)))
 }
 
 fn read_header(source: &mut dyn Read, length: u64) -> Result<Header> {

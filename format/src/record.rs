@@ -15,6 +15,25 @@ pub struct Field {
     pub count: usize,
 }
 
+impl Field {
+    /// Bytes of the field.
+    pub fn bytes(&self) -> usize {
+        let one = match self.glsl {
+            "uint64_t" | "vec2" => 8,
+            "vec3" => 12,
+            "vec4" | "uvec4" => 16,
+            "mat4" => 64,
+            _ => 4,
+        };
+        one * self.count.max(1)
+    }
+
+    /// Whether the field holds `f32` values.
+    pub fn is_float(&self) -> bool {
+        matches!(self.glsl, "float" | "vec2" | "vec3" | "vec4" | "mat4")
+    }
+}
+
 /// A record with a known layout.
 pub trait Record: Pod {
     /// Type name, the same in Rust and GLSL.

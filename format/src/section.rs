@@ -1,5 +1,7 @@
 //! Kinds of raw sections: what each holds, its record size.
 
+use crate::gpu::{self, Field, Record};
+
 /// A raw section of plain records. Discriminants are part of the file format; sections lie in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u32)]
@@ -106,6 +108,47 @@ impl SectionKind {
             Self::ClusterBounds => "cluster-bounds",
             Self::PunctualLights => "punctual-lights",
             Self::MaterialExtensions => "material-extensions",
+        }
+    }
+
+    /// Name, size and fields of the record that the section is an array of; `None` where it is words, floats or
+    /// bytes.
+    pub fn record(self) -> Option<(&'static str, usize, &'static [Field])> {
+        fn of<T: Record>() -> Option<(&'static str, usize, &'static [Field])> {
+            Some((T::NAME, size_of::<T>(), T::FIELDS))
+        }
+        match self {
+            Self::Vertices => of::<crate::Vertex>(),
+            Self::Instances => of::<gpu::Instance>(),
+            Self::DrawGroups => of::<gpu::DrawGroup>(),
+            Self::MeshInstances => of::<gpu::MeshInstance>(),
+            Self::Materials => of::<gpu::Material>(),
+            Self::DirectionalLights => of::<gpu::DirectionalLight>(),
+            Self::EmissiveTriangles => of::<gpu::EmissiveTriangle>(),
+            Self::TextureTransforms => of::<gpu::TextureTransform>(),
+            Self::VertexColors => of::<gpu::VertexColor>(),
+            Self::PunctualLights => of::<gpu::PunctualLight>(),
+            Self::MaterialExtensions => of::<gpu::MaterialExtension>(),
+            Self::Indices
+            | Self::InstanceBounds
+            | Self::Texels
+            | Self::EnvAlias
+            | Self::EmissiveAlias
+            | Self::ClusterBounds => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strides_are_those_of_the_records() {
+        for kind in SectionKind::ALL {
+            if let Some((name, bytes, _)) = kind.record() {
+                assert_eq!(bytes, kind.stride() as usize, "{} of {name}", kind.name());
+            }
         }
     }
 }

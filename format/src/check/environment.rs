@@ -7,7 +7,7 @@ use crate::package::Package;
 use crate::scene::{ArchivedEnvironment, ArchivedScene, ArchivedSun, natives};
 use crate::section::SectionKind;
 
-use super::{finite, root_error, section_error};
+use super::{Flow, Found, finite, first, root_error, section_error};
 
 /// Largest relative error of the importance table's integral over the sphere.
 const ALIAS_TOLERANCE: f64 = 1e-4;
@@ -15,7 +15,7 @@ const ALIAS_TOLERANCE: f64 = 1e-4;
 const UNIT_TOLERANCE: f32 = 1e-4;
 
 /// Cubes, BRDF table, sun, coefficients, and that the importance table's words are whole entries.
-pub(super) fn environment(package: &Package, scene: &ArchivedScene) -> Result<()> {
+pub(super) fn environment(package: &Package, scene: &ArchivedScene, found: &mut Found) -> Flow {
     let layers = |image: u32| {
         scene
             .images
@@ -25,20 +25,20 @@ pub(super) fn environment(package: &Package, scene: &ArchivedScene) -> Result<()
     match scene.brdf_lut.as_ref() {
         Some(image) if layers(image.to_native()) != Some(1) => {
             let what = format!("BRDF table: image {image} is no 2D image");
-            return Err(root_error(what));
+            found(root_error(what))?;
         }
         _ => {}
     }
     let words = package.count(SectionKind::EnvAlias);
     if words != 0 && (words < 7 || words % 3 != 1) {
         let what = format!("{words} words are no header and entries");
-        return Err(section_error(SectionKind::EnvAlias, 0, what));
+        found(section_error(SectionKind::EnvAlias, 0, what))?;
     }
     let Some(environment) = scene.environment.as_ref() else {
         if words != 0 {
-            return Err(root_error("an importance table without an environment"));
+            found(root_error("an importance table without an environment"))?;
         }
-        return sun_feature(scene, false);
+        return sun_feature(scene, false, found);
     };
     for image in [
         environment.sky,
@@ -46,31 +46,31 @@ pub(super) fn environment(package: &Package, scene: &ArchivedScene) -> Result<()
         environment.prefiltered,
     ] {
         if layers(image.to_native()) != Some(6) {
-            return Err(root_error(format!("environment: image {image} is no cube")));
+            return found(root_error(format!("environment: image {image} is no cube")));
         }
     }
     if scene.brdf_lut.is_none() {
-        return Err(root_error("environment without a BRDF table"));
+        found(root_error("environment without a BRDF table"))?;
     }
-    sun_feature(scene, environment.sun.is_some())?;
-    light(scene, environment)
+    sun_feature(scene, environment.sun.is_some(), found)?;
+    light(scene, environment, found)
 }
 
-fn sun_feature(scene: &ArchivedScene, sun: bool) -> Result<()> {
+fn sun_feature(scene: &ArchivedScene, sun: bool, found: &mut Found) -> Flow {
     let bit = scene.features.to_native() & features::SUN != 0;
     if bit == sun {
-        return Ok(());
+        return Flow::Continue(());
     }
-    Err(root_error(
+    found(root_error(
         "environment: the feature bit and the sun differ",
     ))
 }
 
-fn light(scene: &ArchivedScene, environment: &ArchivedEnvironment) -> Result<()> {
-    let fail = |what: String| Err(root_error(format!("environment: {what}")));
+fn light(scene: &ArchivedScene, environment: &ArchivedEnvironment, found: &mut Found) -> Flow {
+    let mut fail = |what: String| found(root_error(format!("environment: {what}")));
     let scale = environment.scale.to_native();
     if !scale.is_finite() || scale <= 0.0 {
-        return fail(format!("scale {scale}"));
+        fail(format!("scale {scale}"))?;
     }
     let prefiltered = &scene.images[environment.prefiltered.to_native() as usize];
     let (levels, stored) = (
@@ -78,25 +78,25 @@ fn light(scene: &ArchivedScene, environment: &ArchivedEnvironment) -> Result<()>
         environment.prefiltered_roughness.len(),
     );
     if levels != stored {
-        return fail(format!("{stored} roughnesses of {levels} levels"));
+        fail(format!("{stored} roughnesses of {levels} levels"))?;
     }
     for (level, roughness) in environment.prefiltered_roughness.iter().enumerate() {
         let expected = level as f32 / (levels - 1).max(1) as f32;
         if (roughness.to_native() - expected).abs() > 1e-6 {
-            return fail(format!(
+            fail(format!(
                 "level {level} has roughness {roughness}, not {expected}"
-            ));
+            ))?;
         }
     }
     let coefficients = environment.irradiance_sh.iter();
     if !coefficients.into_iter().all(|rgb| finite(&natives(rgb))) {
-        return fail("a coefficient is not finite".into());
+        fail("a coefficient is not finite".into())?;
     }
     match environment.sun.as_ref() {
         Some(sun) if !sound(sun) => {
             fail("the sun's direction, colour, illuminance or radius is out of range".into())
         }
-        _ => Ok(()),
+        _ => Flow::Continue(()),
     }
 }
 
@@ -117,11 +117,19 @@ fn sound(sun: &ArchivedSun) -> bool {
 
 /// The importance table: whole grid, probabilities and aliases in range, the density of every cell that of its
 /// luminance, their sum over the sphere 1 within 1e-4. An absent section is sound.
+///
+/// # Errors
+/// The first broken rule.
 pub fn env_alias(bytes: &[u8]) -> Result<()> {
-    let fail = |word: usize, what: String| Err(section_error(SectionKind::EnvAlias, word, what));
+    first(|found| each_env_alias(bytes, found))
+}
+
+pub(super) fn each_env_alias(bytes: &[u8], found: &mut Found) -> Flow {
+    let mut fail =
+        |word: usize, what: String| found(section_error(SectionKind::EnvAlias, word, what));
     let Some((head, rest)) = bytes.split_first_chunk::<{ size_of::<EnvAliasHeader>() }>() else {
         return if bytes.is_empty() {
-            Ok(())
+            Flow::Continue(())
         } else {
             fail(0, format!("{} bytes are no header", bytes.len()))
         };
@@ -137,17 +145,29 @@ pub fn env_alias(bytes: &[u8]) -> Result<()> {
         return fail(0, format!("total luminance {}", header.total_luminance));
     }
     let entries: &[EnvAliasEntry] = bytemuck::cast_slice(rest);
+    let mut sound = true;
     for (index, entry) in entries.iter().enumerate() {
         let luminance = entry.luminance.is_finite() && entry.luminance >= 0.0;
         if !(0.0..=1.0).contains(&entry.prob) || entry.alias_index as usize >= count || !luminance {
-            return fail(4 + 3 * index, format!("entry {index} is out of range"));
+            sound = false;
+            fail(4 + 3 * index, format!("entry {index} is out of range"))?;
         }
     }
-    density(&header, entries)
+    if !sound {
+        return Flow::Continue(());
+    }
+    let [integral, difference] = density(&header, entries);
+    if (integral - 1.0).abs() > ALIAS_TOLERANCE || difference > ALIAS_TOLERANCE {
+        let what =
+            format!("the density integrates to {integral}, and is off by {difference} in sum");
+        fail(0, what)?;
+    }
+    Flow::Continue(())
 }
 
-/// Compares the probability of drawing every cell with that of its luminance.
-fn density(header: &EnvAliasHeader, entries: &[EnvAliasEntry]) -> Result<()> {
+/// Integral of the density over the sphere, and the sum over the cells of how far the probability of drawing one
+/// is from that of its luminance.
+fn density(header: &EnvAliasHeader, entries: &[EnvAliasEntry]) -> [f64; 2] {
     let mut drawn = vec![0.0; entries.len()];
     for (index, entry) in entries.iter().enumerate() {
         drawn[index] += f64::from(entry.prob);
@@ -165,10 +185,5 @@ fn density(header: &EnvAliasHeader, entries: &[EnvAliasEntry]) -> Result<()> {
             difference += (probability - drawn / entries.len() as f64).abs();
         }
     }
-    if (integral - 1.0).abs() > ALIAS_TOLERANCE || difference > ALIAS_TOLERANCE {
-        let what =
-            format!("the density integrates to {integral}, and is off by {difference} in sum");
-        return Err(section_error(SectionKind::EnvAlias, 0, what));
-    }
-    Ok(())
+    [integral, difference]
 }

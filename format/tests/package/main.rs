@@ -2,6 +2,7 @@
 
 mod common;
 mod environment;
+mod examine;
 mod rules;
 
 use cairn_format::header::{ALIGNMENT, FORMAT_VERSION, HEADER_BYTES, PAGE};
