@@ -6,10 +6,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::cache;
 use crate::diagnostic::Diagnostic;
-use crate::label::Label;
+use crate::label::{Interned, Label};
 use crate::prepare::{GeometryStats, StepTime};
 
 /// One row of the speed-against-error report.
+#[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize)]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     pub stage: String,
@@ -21,6 +22,7 @@ pub struct Row {
     /// In `throughput_unit`; absent where it has no meaning.
     pub throughput: Option<f64>,
     #[serde(deserialize_with = "crate::label::read")]
+    #[rkyv(with = Interned)]
     pub throughput_unit: Label,
     /// Name and unit of the error.
     pub metric: String,

@@ -124,11 +124,16 @@ impl Session {
     ///
     /// # Errors
     /// Those of `make`.
-    pub fn fetch<T: Product>(&self, inputs: Inputs, make: impl FnOnce() -> Result<T>) -> Result<T> {
+    pub fn fetch<T: Product>(
+        &self,
+        inputs: impl FnOnce() -> Inputs,
+        make: impl FnOnce() -> Result<T>,
+    ) -> Result<T> {
         let Some(store) = &self.store else {
             return make();
         };
         let start = Instant::now();
+        let inputs = inputs();
         let key = inputs.key();
         let found = match store.get(&key) {
             Found::Hit(bytes) => match T::from_bytes(&bytes) {
@@ -149,6 +154,30 @@ impl Session {
         let why = self.why_missed(&inputs, &key, &found);
         self.note(inputs, false, why, start, bytes.len());
         Ok(product)
+    }
+
+    /// Whether products are kept at all.
+    pub fn keeps(&self) -> bool {
+        self.store.is_some()
+    }
+
+    /// Which products were hits so far, by name.
+    #[cfg(test)]
+    pub(crate) fn hits(&self) -> Vec<bool> {
+        let state = self.state();
+        let mut hits: Vec<(&str, bool)> = state
+            .products
+            .iter()
+            .map(|(inputs, outcome)| (inputs.name.as_str(), outcome.hit))
+            .collect();
+        hits.sort_unstable();
+        hits.into_iter().map(|(_, hit)| hit).collect()
+    }
+
+    /// Whether an entry is there, sound or not.
+    pub fn holds(&self, inputs: &Inputs) -> bool {
+        let store = self.store.as_ref();
+        store.is_some_and(|store| store.holds(&inputs.key()))
     }
 
     fn note(&self, inputs: Inputs, hit: bool, why: String, start: Instant, bytes: usize) {

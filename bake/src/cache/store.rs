@@ -88,6 +88,11 @@ impl Store {
         self.root.join("bakes").join(name)
     }
 
+    /// Whether there is an entry, sound or not.
+    pub fn holds(&self, key: &Key) -> bool {
+        self.entry(key).is_file()
+    }
+
     /// The content under `key`. An entry that is cut, changed or misplaced is removed.
     pub fn get(&self, key: &Key) -> Found {
         let path = self.entry(key);

@@ -46,7 +46,7 @@ fn inputs(name: &str, image: &[u8]) -> Inputs {
 /// Fetches; returns the product and whether it was made.
 fn fetch(session: &Session, name: &str, image: &[u8]) -> (Vec<u8>, bool) {
     let mut made = false;
-    let product = session.fetch(inputs(name, image), || {
+    let product = session.fetch(|| inputs(name, image), || {
         made = true;
         Ok([image, b"!"].concat())
     });
@@ -112,7 +112,7 @@ fn errors_are_not_kept() {
     let place = Bench::new();
     for _ in 0..2 {
         let session = place.session();
-        let failed: Result<Vec<u8>> = session.fetch(inputs("a", b"1"), || {
+        let failed: Result<Vec<u8>> = session.fetch(|| inputs("a", b"1"), || {
             Err(BakeError::input("test", &Origin::default(), "no"))
         });
         assert!(failed.is_err());
@@ -149,7 +149,7 @@ fn numbers_come_back_bit_for_bit() {
         let made = numbers.clone();
         let found: Vec<f64> = place
             .session()
-            .fetch(inputs("a", b"1"), || Ok(made))
+            .fetch(|| inputs("a", b"1"), || Ok(made))
             .expect("made");
         assert_eq!(bits(&found), bits(&numbers));
     }
