@@ -1,7 +1,9 @@
 //! The command line of a bake.
 
+use std::convert::Infallible;
 use std::path::PathBuf;
 
+use crate::cache::Place;
 use crate::encode::{Quality, SkyFormat};
 use crate::environment::{EnvironmentOptions, SunMode};
 use crate::pipeline::DEFAULT_LIMIT_PIXELS;
@@ -35,6 +37,12 @@ pub struct Args {
     /// Images of more texels than this are refused.
     #[arg(long, value_name = "TEXELS", default_value_t = DEFAULT_LIMIT_PIXELS)]
     pub limit_pixels: u64,
+    /// Folder of the products of earlier bakes, or `off`; by default $CAIRN_CACHE, or else the user's cache folder.
+    #[arg(long, value_name = "DIR|off", value_parser = |text: &str| Ok::<_, Infallible>(Place::parse(text)))]
+    pub cache: Option<Place>,
+    /// Say of every product whether it was reused, and why not.
+    #[arg(long)]
+    pub explain: bool,
     /// Threads to use; the bytes are the same for any number.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,

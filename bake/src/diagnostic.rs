@@ -7,9 +7,19 @@ use crate::label::{Interned, Label};
 use crate::scene::Origin;
 
 /// How much a diagnostic matters.
-#[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize)]
 #[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
+    rkyv::Archive,
+    rkyv::Serialize,
+    rkyv::Deserialize,
+    Clone,
+    Copy,
+    Debug,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    serde::Serialize,
+    serde::Deserialize,
 )]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
@@ -18,8 +28,17 @@ pub enum Severity {
 }
 
 /// One message about one place in the input.
-#[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize)]
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    rkyv::Archive,
+    rkyv::Serialize,
+    rkyv::Deserialize,
+    Clone,
+    Debug,
+    PartialEq,
+    Eq,
+    serde::Serialize,
+    serde::Deserialize,
+)]
 pub struct Diagnostic {
     pub severity: Severity,
     /// Stable name such as `accessor-out-of-range`.

@@ -9,17 +9,19 @@ use cairn_format::scene::{
 };
 use cairn_format::{SectionKind, Writer, features};
 
-use crate::diagnostic::{BakeError, Result};
+use crate::cache::Session;
+use crate::diagnostic::{BakeError, Diagnostic, Result};
 use crate::encode::{EncodeOptions, Kernels, Quality, SkyFormat};
 use crate::environment::EnvironmentOptions;
-use crate::import::{EnvironmentImage, import, load_environment};
+use crate::import::import;
 use crate::materials::{self, Plan};
-use crate::prepare::{Prepared, StepTime, prepare};
+use crate::panorama::{self, Panorama};
+use crate::prepare::{Prepared, StepTime, prepare_cached};
 use crate::progress::Progress;
 use crate::report::{Row, Section, Stage, Summary};
 use crate::scene::{Origin, Sampler, Scene, Source, Wrap};
 use crate::textures::{self, Texels};
-use crate::{emitters, sky, write};
+use crate::{emitters, rebake, write};
 
 /// What to bake, and how.
 #[derive(Clone, Debug)]
@@ -34,6 +36,8 @@ pub struct Options {
     pub sky_format: SkyFormat,
     /// Largest number of texels of one image.
     pub limit_pixels: u64,
+    /// Folder of the products of earlier bakes; `None` makes everything anew. It decides no bytes.
+    pub cache: Option<PathBuf>,
 }
 
 impl Options {
@@ -47,6 +51,7 @@ impl Options {
             light: EnvironmentOptions::default(),
             sky_format: SkyFormat::default(),
             limit_pixels: DEFAULT_LIMIT_PIXELS,
+            cache: None,
         }
     }
 }
@@ -62,17 +67,25 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     let start = Instant::now();
     let mut clock = Clock::default();
     refuse_to_overwrite_an_input(options)?;
+    let session = rebake::session(options);
+    if let Some(mut summary) = rebake::unchanged(&session, options) {
+        clock.lap("unchanged");
+        summary.stages = clock.stages;
+        summary.peak_memory_bytes = peak_memory();
+        summary.seconds = start.elapsed().as_secs_f64();
+        return Ok(summary);
+    }
 
     progress.update("import", 0.0);
     let mut scene = import(&options.input)?;
     let mut environment = options
         .environment
         .as_deref()
-        .map(load_environment)
+        .map(|path| Panorama::open(path, &options.light, options.sky_format, &session))
         .transpose()?;
     clock.lap("import");
 
-    let mut prepared = prepare(&mut scene, &|fraction| {
+    let mut prepared = prepare_cached(&mut scene, &session, &|fraction| {
         progress.update("geometry", fraction)
     })?;
     let geometry_seconds = clock.lap("geometry");
@@ -88,6 +101,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         &plan,
         &encoding,
         options.limit_pixels,
+        &session,
         &|fraction| {
             progress.update("textures", fraction);
         },
@@ -98,22 +112,23 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     drop(encoded);
     clock.lap("textures");
 
-    emitters::weigh(
+    emitters::weigh_cached(
         &scene,
         &prepared.materials_used,
         &mut prepared.emissive_triangles,
         options.limit_pixels,
+        &session,
     )?;
     let emissive_table = emitters::table(&prepared.emissive_triangles);
     clock.lap("emitters");
 
     let light = store_environment(
-        options,
+        &session,
         &mut texels,
         environment.as_mut(),
         &prepared,
         progress,
-    );
+    )?;
     clock.lap("environment");
 
     progress.update("write", 0.0);
@@ -139,16 +154,21 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     progress.update("write", 1.0);
 
     let mut summary = summarize(options, &scene, &prepared, &root, &writer, geometry_seconds);
-    summary.diagnostics.extend(
-        environment
-            .map(|image| image.diagnostics)
-            .unwrap_or_default(),
-    );
+    summary.diagnostics.extend(light.diagnostics);
     summary.report.extend(texels.report);
     summary.package_bytes = package_bytes;
     summary.content_hash = hex(&content_hash);
     summary.stages = clock.stages;
     summary.peak_memory_bytes = peak_memory();
+    let panorama = environment.map(|panorama| panorama.source.hash);
+    rebake::remember(
+        session,
+        options,
+        &scene,
+        panorama,
+        content_hash,
+        &mut summary,
+    );
     summary.seconds = start.elapsed().as_secs_f64();
     Ok(summary)
 }
@@ -205,31 +225,31 @@ struct StoredLight {
     environment: Option<root::Environment>,
     brdf_lut: Option<u32>,
     alias: Vec<u8>,
+    diagnostics: Vec<Diagnostic>,
 }
 
 fn store_environment(
-    options: &Options,
+    session: &Session,
     texels: &mut Texels,
-    image: Option<&mut EnvironmentImage>,
+    panorama: Option<&mut Panorama>,
     prepared: &Prepared,
     progress: &dyn Progress,
-) -> StoredLight {
+) -> Result<StoredLight> {
     let mut light = StoredLight::default();
-    if let Some(image) = image {
-        let products = sky::bake(image, &options.light, &|stage, fraction| {
+    if let Some(panorama) = panorama {
+        let stored = panorama.store(texels, session, &|stage, fraction| {
             progress.update(&format!("environment: {stage}"), fraction);
-        });
-        light.environment = Some(sky::store(texels, image, &products, options.sky_format));
-        light.alias = products
-            .importance
-            .map_or(Vec::new(), |table| table.to_bytes());
+        })?;
+        light.environment = Some(stored.environment);
+        light.alias = stored.alias;
+        light.diagnostics = stored.diagnostics;
     }
     let lights = !prepared.lights.is_empty() || !prepared.emissive_triangles.is_empty();
     let sheen = prepared.features & features::SHEEN != 0;
     if light.environment.is_some() || lights || sheen {
-        light.brdf_lut = Some(sky::store_lut(texels, sheen));
+        light.brdf_lut = Some(panorama::store_lut(texels, sheen, session)?);
     }
-    light
+    Ok(light)
 }
 
 fn sections<'a>(
@@ -272,7 +292,7 @@ fn sections<'a>(
 /// What the stages produced, on its way into the root.
 struct Products<'a> {
     scene: &'a Scene,
-    panorama: Option<&'a EnvironmentImage>,
+    panorama: Option<&'a Panorama>,
     prepared: &'a Prepared,
     plan: &'a Plan,
     /// Stored image of each of the plan's images.
@@ -354,11 +374,7 @@ fn sampler(sampler: &Sampler) -> root::Sampler {
     }
 }
 
-fn provenance(
-    options: &Options,
-    scene: &Scene,
-    environment: Option<&EnvironmentImage>,
-) -> Provenance {
+fn provenance(options: &Options, scene: &Scene, environment: Option<&Panorama>) -> Provenance {
     let setting = |name: &str, value: String| Setting {
         name: name.into(),
         value,

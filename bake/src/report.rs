@@ -10,8 +10,16 @@ use crate::label::{Interned, Label};
 use crate::prepare::{GeometryStats, StepTime};
 
 /// One row of the speed-against-error report.
-#[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize)]
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(
+    rkyv::Archive,
+    rkyv::Serialize,
+    rkyv::Deserialize,
+    Clone,
+    Debug,
+    PartialEq,
+    Serialize,
+    Deserialize,
+)]
 pub struct Row {
     pub stage: String,
     /// The object, such as an image's name.
@@ -132,6 +140,13 @@ impl Summary {
         writeln!(out, "  {:<20}{:>12.3} s", "total", self.seconds)?;
         if let Some(peak) = self.peak_memory_bytes {
             writeln!(out, "  {:<20}{:>14}", "peak memory", bytes(peak))?;
+        }
+        if let Some(cache) = &self.cache {
+            let [hits, misses] = [cache.hits, cache.misses];
+            writeln!(out, "  {:<20}{hits:>9} hits, {misses} misses", "cache")?;
+            if let Some(problem) = &cache.problem {
+                writeln!(out, "  {:<20}cannot be written: {problem}", "cache")?;
+            }
         }
         if verbose {
             self.write_steps(out)?;

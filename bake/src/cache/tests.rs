@@ -46,10 +46,13 @@ fn inputs(name: &str, image: &[u8]) -> Inputs {
 /// Fetches; returns the product and whether it was made.
 fn fetch(session: &Session, name: &str, image: &[u8]) -> (Vec<u8>, bool) {
     let mut made = false;
-    let product = session.fetch(|| inputs(name, image), || {
-        made = true;
-        Ok([image, b"!"].concat())
-    });
+    let product = session.fetch(
+        || inputs(name, image),
+        || {
+            made = true;
+            Ok([image, b"!"].concat())
+        },
+    );
     (product.expect("it can be made"), made)
 }
 
@@ -112,9 +115,10 @@ fn errors_are_not_kept() {
     let place = Bench::new();
     for _ in 0..2 {
         let session = place.session();
-        let failed: Result<Vec<u8>> = session.fetch(|| inputs("a", b"1"), || {
-            Err(BakeError::input("test", &Origin::default(), "no"))
-        });
+        let failed: Result<Vec<u8>> = session.fetch(
+            || inputs("a", b"1"),
+            || Err(BakeError::input("test", &Origin::default(), "no")),
+        );
         assert!(failed.is_err());
     }
     assert!(fetch(&place.session(), "a", b"1").1);

@@ -2,6 +2,7 @@
 
 use super::SUCCESS;
 use crate::args::Args;
+use crate::cache::Place;
 use crate::diagnostic::BakeError;
 use crate::pipeline::{Options, bake};
 use crate::progress::{Bar, Progress, Silent};
@@ -25,6 +26,11 @@ fn bake_with_progress(args: &Args) -> Result<Summary, BakeError> {
         light: args.light(),
         sky_format: args.sky_format,
         limit_pixels: args.limit_pixels,
+        cache: args
+            .cache
+            .clone()
+            .unwrap_or_else(Place::default_of_user)
+            .folder(),
         ..Options::new(&args.input, &args.output)
     };
     if args.quiet || args.json {
@@ -50,4 +56,33 @@ fn print(args: &Args, summary: &Summary) {
     } else if !args.quiet {
         print!("{}", summary.text(args.verbose));
     }
+    if args.explain && !args.json {
+        print!("{}", explain(summary));
+    }
+}
+
+/// Every product with what became of it.
+fn explain(summary: &Summary) -> String {
+    let Some(cache) = &summary.cache else {
+        return "the cache is off: everything was made anew\n".into();
+    };
+    let mut text = String::new();
+    for product in &cache.products {
+        let found = if product.hit { "hit " } else { "miss" };
+        let kind = product.kind.name();
+        text += &format!("{found} {kind:<16} {}: {}\n", product.name, product.why);
+    }
+    text += &match cache.unchanged {
+        true => {
+            "the output was left as it is: no input, setting or code changed, nor did the output\n"
+                .into()
+        }
+        false => format!(
+            "{} hits, {} misses in {}\n",
+            cache.hits,
+            cache.misses,
+            cache.folder.display()
+        ),
+    };
+    text
 }

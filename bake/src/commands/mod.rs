@@ -1,6 +1,7 @@
 //! What the program can do: one file a command; without a name it bakes.
 
 mod bake;
+mod cache;
 mod shell;
 
 use std::process::ExitCode;
@@ -35,6 +36,8 @@ pub struct Cli {
 /// What to do in place of a bake.
 #[derive(clap::Subcommand, Debug)]
 pub enum Command {
+    /// Look after the products that earlier bakes left for later ones.
+    Cache(cache::Cache),
     /// Write a shell's completions to standard output.
     Completions(shell::Completions),
     /// Write the manual pages into a folder.
@@ -64,6 +67,7 @@ impl Command {
     /// The exit code: [`SUCCESS`] or [`NEGATIVE`].
     fn run(self) -> Result<u8, BakeError> {
         match self {
+            Self::Cache(args) => args.run(),
             Self::Completions(args) => args.run(),
             Self::Man(args) => args.run(),
         }

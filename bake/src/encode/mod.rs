@@ -84,7 +84,7 @@ pub struct Source<'a> {
 }
 
 /// A full mip chain in one block format.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize, Clone, Debug, PartialEq)]
 pub struct EncodedTexture {
     pub format: TextureFormat,
     pub width: u32,
@@ -95,7 +95,7 @@ pub struct EncodedTexture {
 }
 
 /// What was lost and how long it took. All but the times is deterministic.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize, Clone, Debug, PartialEq, Serialize)]
 pub struct TextureReport {
     /// Of level 0, on the stored values in 0..=1 (sRGB-encoded for colour): RGB, RGBA where alpha is used,
     /// or xy. Decibels; infinite where nothing was lost.

@@ -78,7 +78,10 @@ fn groups(scene: &Scene, jobs: Vec<Job>) -> Vec<Group> {
         while let Some(next) = jobs.next_if(|(_, job)| job.mesh == mesh) {
             same.push(next);
         }
-        let indices: usize = same.iter().map(|(_, job)| job.primitive.indices.len()).sum();
+        let indices: usize = same
+            .iter()
+            .map(|(_, job)| job.primitive.indices.len())
+            .sum();
         if indices / 3 < SMALL {
             small.extend(same);
         } else {
@@ -205,7 +208,8 @@ impl Product for BuiltGroup {
     }
 
     fn from_bytes(bytes: &[u8]) -> Option<Self> {
-        let kept = rkyv::access::<rkyv::Archived<Vec<Kept>>, rkyv::rancor::BoxedError>(bytes).ok()?;
+        let kept =
+            rkyv::access::<rkyv::Archived<Vec<Kept>>, rkyv::rancor::BoxedError>(bytes).ok()?;
         kept.iter().map(built).collect::<Option<_>>().map(Self)
     }
 }
@@ -215,7 +219,8 @@ fn built(kept: &ArchivedKept) -> Option<Built> {
         .bounds
         .each_ref()
         .map(|corner| Vec3::from(corner.each_ref().map(|value| value.to_native())));
-    let deserialize = |stats| rkyv::deserialize::<GeometryStats, rkyv::rancor::BoxedError>(stats).ok();
+    let deserialize =
+        |stats| rkyv::deserialize::<GeometryStats, rkyv::rancor::BoxedError>(stats).ok();
     let steps = |steps| rkyv::deserialize::<Steps, rkyv::rancor::BoxedError>(steps).ok();
     let warning = kept.warning.as_ref();
     Some(Built {
@@ -255,7 +260,9 @@ mod tests {
                 primitives: vec![grid(size)],
             });
         }
-        scene.instances.extend([node(2, DMat4::IDENTITY), node(1, DMat4::IDENTITY)]);
+        scene
+            .instances
+            .extend([node(2, DMat4::IDENTITY), node(1, DMat4::IDENTITY)]);
         scene
     }
 

@@ -91,8 +91,18 @@ pub struct Prepared {
 }
 
 /// What happened to the geometry. Vertices and triangles count once per stored primitive.
-#[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    rkyv::Archive,
+    rkyv::Serialize,
+    rkyv::Deserialize,
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    serde::Serialize,
+    serde::Deserialize,
+)]
 pub struct GeometryStats {
     /// Stored triangles.
     pub triangles: u64,
