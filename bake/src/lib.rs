@@ -22,6 +22,7 @@ pub mod scene;
 pub mod sky;
 pub mod temporary;
 pub mod textures;
+pub mod twice;
 pub mod write;
 
 pub use diagnostic::{BakeError, Diagnostic, Result, Severity};

@@ -18,7 +18,7 @@ use crate::materials::{self, Plan};
 use crate::panorama::{self, Panorama};
 use crate::prepare::{Prepared, StepTime, prepare_cached};
 use crate::progress::Progress;
-use crate::report::{Row, Section, Stage, Summary};
+use crate::report::{Row, Stage, Summary};
 use crate::scene::{Origin, Sampler, Scene, Source, Wrap};
 use crate::textures::{self, Texels};
 use crate::{emitters, rebake, write};
@@ -149,15 +149,16 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         SectionKind::EmissiveAlias,
         bytemuck::cast_slice::<_, u8>(&emissive_table),
     );
-    let (package_bytes, content_hash) = write::write(&options.output, &writer, &root)?;
+    let written = write::write(&options.output, &writer, &root)?;
     clock.lap("write");
     progress.update("write", 1.0);
 
-    let mut summary = summarize(options, &scene, &prepared, &root, &writer, geometry_seconds);
+    let mut summary = summarize(options, &scene, &prepared, &root, geometry_seconds);
     summary.diagnostics.extend(light.diagnostics);
     summary.report.extend(texels.report);
-    summary.package_bytes = package_bytes;
-    summary.content_hash = hex(&content_hash);
+    summary.package_bytes = written.bytes;
+    summary.content_hash = hex(&written.content_hash);
+    summary.sections = written.sections;
     summary.stages = clock.stages;
     summary.peak_memory_bytes = peak_memory();
     let panorama = environment.map(|panorama| panorama.source.hash);
@@ -166,7 +167,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         options,
         &scene,
         panorama,
-        content_hash,
+        written.content_hash,
         &mut summary,
     );
     summary.seconds = start.elapsed().as_secs_f64();
@@ -441,13 +442,8 @@ fn summarize(
     scene: &Scene,
     prepared: &Prepared,
     root: &root::Scene,
-    writer: &Writer,
     geometry_seconds: f64,
 ) -> Summary {
-    let section = |(kind, bytes): (SectionKind, u64)| Section {
-        name: kind.name(),
-        bytes,
-    };
     Summary {
         input: options.input.display().to_string(),
         output: options.output.display().to_string(),
@@ -464,7 +460,6 @@ fn summarize(
         lights: root.lights.len() as u64,
         cameras: root.cameras.len() as u64,
         features: features::names(root.features),
-        sections: writer.section_bytes().map(section).collect(),
         geometry: prepared.stats,
         report: prepared
             .report

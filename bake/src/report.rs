@@ -52,6 +52,8 @@ pub struct Section {
     #[serde(deserialize_with = "crate::label::read")]
     pub name: Label,
     pub bytes: u64,
+    /// BLAKE3 in hexadecimal.
+    pub hash: String,
 }
 
 /// The result of a bake.
@@ -125,7 +127,16 @@ impl Summary {
             }
         )?;
         for section in &self.sections {
-            writeln!(out, "  {:<20}{:>14}", section.name, bytes(section.bytes))?;
+            let hash = match verbose {
+                true => format!("  blake3 {}", section.hash),
+                false => String::new(),
+            };
+            writeln!(
+                out,
+                "  {:<20}{:>14}{hash}",
+                section.name,
+                bytes(section.bytes)
+            )?;
         }
         writeln!(
             out,

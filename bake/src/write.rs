@@ -4,17 +4,27 @@ use std::io::BufWriter;
 use std::path::Path;
 
 use cairn_format::scene::Scene;
-use cairn_format::{Error, Package, Writer};
+use cairn_format::{Error, Package, SectionKind, Writer};
 
 use crate::diagnostic::{BakeError, Result};
+use crate::pipeline::hex;
+use crate::report::Section;
 use crate::temporary::{self, Temporary};
 
-/// Writes to a temporary neighbour of `path`, opens and verifies it, syncs, then renames it. Returns the
-/// file's length and content hash.
+/// The package that was written.
+pub struct Written {
+    pub bytes: u64,
+    /// Of header, section table and root.
+    pub content_hash: [u8; 32],
+    /// In file order.
+    pub sections: Vec<Section>,
+}
+
+/// Writes to a temporary neighbour of `path`, opens and verifies it, syncs, then renames it.
 ///
 /// # Errors
 /// [`BakeError::Io`] where the folder cannot be written; nothing is left behind.
-pub fn write(path: &Path, writer: &Writer, scene: &Scene) -> Result<(u64, [u8; 32])> {
+pub fn write(path: &Path, writer: &Writer, scene: &Scene) -> Result<Written> {
     let io = |source| BakeError::io(path, source);
     let folder = temporary::folder_of(path);
     temporary::sweep(folder);
@@ -28,8 +38,21 @@ pub fn write(path: &Path, writer: &Writer, scene: &Scene) -> Result<(u64, [u8; 3
     drop(buffered);
     let package = Package::open(temporary.path())?;
     package.verify()?;
-    let (length, hash) = (package.header().file_length, package.header().content_hash);
+    let written = describe(&package);
     drop(package);
     temporary.publish(path).map_err(io)?;
-    Ok((length, hash))
+    Ok(written)
+}
+
+fn describe(package: &Package) -> Written {
+    let sections = package.table().iter().map(|entry| Section {
+        name: SectionKind::from_u32(entry.kind).map_or("unknown", SectionKind::name),
+        bytes: entry.length,
+        hash: hex(&entry.hash),
+    });
+    Written {
+        bytes: package.header().file_length,
+        content_hash: package.header().content_hash,
+        sections: sections.collect(),
+    }
 }
