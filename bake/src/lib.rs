@@ -11,6 +11,7 @@ pub mod environment;
 pub mod import;
 pub mod interrupt;
 pub mod label;
+pub mod look;
 pub mod materials;
 pub mod panorama;
 pub mod pipeline;

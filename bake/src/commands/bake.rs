@@ -9,7 +9,7 @@ use crate::progress::{Bar, Progress, Silent};
 use crate::report::Summary;
 
 pub(super) fn run(args: &Args) -> Result<u8, BakeError> {
-    if let Some(threads) = args.threads {
+    if let Some(threads) = args.settings.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
         // Fails only where a pool exists already, and nothing has run before.
         let _ = pool.build_global();
@@ -20,18 +20,10 @@ pub(super) fn run(args: &Args) -> Result<u8, BakeError> {
 }
 
 fn bake_with_progress(args: &Args) -> Result<Summary, BakeError> {
+    let cache = args.cache.clone().unwrap_or_else(Place::default_of_user);
     let options = Options {
-        environment: args.env.clone(),
-        texture_quality: args.texture_quality.into(),
-        light: args.light(),
-        sky_format: args.sky_format,
-        limit_pixels: args.limit_pixels,
-        cache: args
-            .cache
-            .clone()
-            .unwrap_or_else(Place::default_of_user)
-            .folder(),
-        ..Options::new(&args.input, &args.output)
+        cache: cache.folder(),
+        ..args.settings.options(&args.input, &args.output)
     };
     if args.quiet || args.json {
         return bake(&options, &Silent);

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::SUCCESS;
+use super::{SUCCESS, print_json, print_text};
 use crate::cache::{Place, Store};
 use crate::diagnostic::{BakeError, Result};
 use crate::scene::Origin;
@@ -112,14 +112,9 @@ impl Cache {
 
     fn print<T: Serialize>(&self, folder: &Path, found: &T, text: &str) -> Result<u8> {
         if self.json {
-            let found = WithFolder { folder, found };
-            let json = serde_json::to_string(&found);
-            println!(
-                "{}",
-                json.unwrap_or_else(|error| unreachable!("plain numbers: {error}"))
-            );
+            print_json(&WithFolder { folder, found })?;
         } else if !self.quiet {
-            println!("{}: {text}", folder.display());
+            print_text(&format!("{}: {text}\n", folder.display()))?;
         }
         Ok(SUCCESS)
     }

@@ -2,8 +2,12 @@
 
 mod bake;
 mod cache;
+mod inspect;
 mod shell;
+mod twice;
+mod verify;
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use crate::args::Args;
@@ -38,6 +42,10 @@ pub struct Cli {
 pub enum Command {
     /// Look after the products that earlier bakes left for later ones.
     Cache(cache::Cache),
+    /// Show what is inside a package.
+    Inspect(inspect::Inspect),
+    /// Check a package: every hash, every range, every float.
+    Verify(verify::Verify),
     /// Write a shell's completions to standard output.
     Completions(shell::Completions),
     /// Write the manual pages into a folder.
@@ -68,22 +76,44 @@ impl Command {
     fn run(self) -> Result<u8, BakeError> {
         match self {
             Self::Cache(args) => args.run(),
+            Self::Inspect(args) => args.run(),
+            Self::Verify(args) => args.run(),
             Self::Completions(args) => args.run(),
             Self::Man(args) => args.run(),
         }
     }
 }
 
+/// Writes text to standard output; a reader that has seen enough is no error.
+fn print_text(text: &str) -> Result<(), BakeError> {
+    use std::io::{ErrorKind, Write};
+    match std::io::stdout().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(BakeError::io(Path::new("standard output"), error))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Writes a value as one line of JSON.
+fn print_json(value: &impl serde::Serialize) -> Result<(), BakeError> {
+    let text = serde_json::to_string(value)
+        .map_err(|error| BakeError::io(Path::new("standard output"), error.into()))?;
+    print_text(&(text + "\n"))
+}
+
 const EXAMPLES: &str = "Examples:
   cairn-bake helmet.gltf --env park.hdr -o helmet.cairn
   cairn-bake hall.glb -o hall.cairn --json > report.json
   cairn-bake hall.glb -o hall.cairn --texture-quality best -v
+  cairn-bake hall.glb -o hall.cairn --explain
+  cairn-bake verify --twice hall.glb
   cairn-bake completions bash > ~/.local/share/bash-completion/completions/cairn-bake
 
 A scene that is named like a command is given with its folder: ./inspect
 
 Exit codes: 0 success, 1 the answer is no (packages differ, a package is damaged),
-2 bad input or unwritable output; then no output file was touched.";
+2 bad input or unwritable output; then no output file was touched; 130 interrupted.";
 
 #[cfg(test)]
 mod tests {

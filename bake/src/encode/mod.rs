@@ -21,6 +21,7 @@ use serde::Serialize;
 
 pub use error::AngleError;
 pub use hdr::SkyFormat;
+pub(crate) use hdr::unpack_rgb9e5;
 pub use mips::MipFilter;
 pub use role::Role;
 
