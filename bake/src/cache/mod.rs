@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 use crate::diagnostic::Result;
 use crate::report::Summary;
 
-pub use key::{Inputs, Key, Kind, Part, content_hash};
+pub use key::{Inputs, Key, Kind, Part, content_hash, processor};
 pub use manifest::{Dependency, Manifest, Output, file_hash};
 pub use place::{Place, VARIABLE};
 pub use stamp::Stamp;
