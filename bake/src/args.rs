@@ -8,7 +8,7 @@ use crate::encode::{Effort, EncodeOptions, Kernels, MipFilter, SkyFormat};
 use crate::environment::{EnvironmentOptions, SunMode};
 use crate::pipeline::{DEFAULT_LIMIT_PIXELS, Options};
 
-/// What to bake, how, and what to print.
+/// What to bake, and what to print.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// The scene: .gltf or .glb.
@@ -16,8 +16,6 @@ pub struct Args {
     /// The package to write.
     #[arg(long, short, value_name = "OUT.cairn")]
     pub output: PathBuf,
-    #[command(flatten)]
-    pub settings: Settings,
     /// Folder of the products of earlier bakes, or `off`; by default $CAIRN_CACHE, or else the user's cache folder.
     #[arg(long, value_name = "DIR|off", value_parser = |text: &str| Ok::<_, Infallible>(Place::parse(text)))]
     pub cache: Option<Place>,

@@ -34,7 +34,7 @@ pub fn unchanged(session: &Session, options: &Options) -> Option<Summary> {
     if !session.keeps() {
         return None;
     }
-    let summary = session.unchanged(&request(options))?;
+    let summary = session.unchanged(&request(options), &options.output)?;
     Some(Summary {
         output: options.output.display().to_string(),
         ..summary

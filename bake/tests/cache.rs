@@ -135,12 +135,11 @@ fn cold_warm_and_idle_bakes_agree_in_all_they_write_and_say() {
     let without = json(&bench.bake_lit("cold.cairn", &["--json", "--cache", "off"]));
     assert!(without["cache"].is_null() && !bench.path("cache").exists());
     let filling = json(&bench.bake_lit("filling.cairn", &["--json"]));
-    assert_eq!(filling["cache"]["hits"], 0);
+    // Nothing was there; some meshes are equal.
+    assert!(missed(&filling).len() > 5, "{filling}");
     let warm = json(&bench.bake_lit("warm.cairn", &["--json"]));
-    assert_eq!(
-        (missed(&warm), &warm["cache"]["hits"]),
-        (vec![], &filling["cache"]["misses"])
-    );
+    assert_eq!(missed(&warm), []);
+    assert_eq!(warm["cache"]["unchanged"], false);
     let written = std::fs::metadata(bench.path("warm.cairn")).and_then(|file| file.modified());
     let idle = json(&bench.bake_lit("warm.cairn", &["--json"]));
     assert_eq!(idle["cache"]["unchanged"], true);
@@ -166,46 +165,40 @@ fn cold_warm_and_idle_bakes_agree_in_all_they_write_and_say() {
     assert!(bench.bytes("warm.cairn") == cold);
 }
 
-/// Replaces the first texture by a copy of another of the scene; returns the name of the image.
-fn change_a_texture(bench: &Bench) -> String {
-    let mut images: Vec<PathBuf> = std::fs::read_dir(bench.path("scene/textures"))
-        .expect("textures")
-        .map(|entry| entry.expect("an entry").path())
-        .collect();
-    images.sort();
-    let other = images
-        .iter()
-        .find(|path| std::fs::read(path).ok() != std::fs::read(&images[0]).ok());
-    std::fs::copy(other.expect("another picture"), &images[0]).expect("copied");
-    let name = images[0].file_stem().expect("a name");
-    name.to_string_lossy().into_owned()
+/// Replaces a texture by a copy of another of the scene; returns the name of the image.
+fn change_a_texture(bench: &Bench) -> &'static str {
+    let folder = bench.path("scene/textures");
+    // Not the checker itself: it is used in two roles, which are two products.
+    std::fs::copy(folder.join("checker.png"), folder.join("leaf.png")).expect("copied");
+    "leaf"
 }
 
 #[test]
 fn a_touched_image_is_encoded_again_and_nothing_else() {
     let bench = Bench::new();
-    bench.bake_lit("out.cairn", &[]);
+    bench.bake("out.cairn", &[]);
     // A new time alone changes nothing.
     let scene = std::fs::File::options()
         .write(true)
         .open(bench.path("scene/materials.gltf"))
         .expect("the scene");
     scene.set_modified(SystemTime::now()).expect("a time");
-    let touched = json(&bench.bake_lit("out.cairn", &["--json"]));
+    let touched = json(&bench.bake("out.cairn", &["--json"]));
     assert_eq!(touched["cache"]["unchanged"], true);
 
     let name = change_a_texture(&bench);
-    let changed = json(&bench.bake_lit("out.cairn", &["--json"]));
+    let changed = json(&bench.bake("out.cairn", &["--json"]));
     let missed_products = missed(&changed);
     assert_eq!(missed_products.len(), 1, "{missed_products:?}");
     assert!(
-        missed_products[0].0.starts_with(&name),
+        missed_products[0].0.starts_with(name),
         "{missed_products:?}"
     );
     assert_eq!(missed_products[0].1, "image changed");
-    bench.bake_lit("cold.cairn", &["--cache", "off"]);
+    bench.bake("cold.cairn", &["--cache", "off"]);
     assert!(bench.bytes("out.cairn") == bench.bytes("cold.cairn"));
 
+    bench.bake_lit("out.cairn", &[]);
     let done = bench.bake_lit("out.cairn", &["--explain", "--sun", "keep"]);
     let said = text(&done.stdout);
     let line = said
@@ -223,6 +216,55 @@ fn a_touched_image_is_encoded_again_and_nothing_else() {
         "{}",
         text(&done.stdout)
     );
+}
+
+#[test]
+fn two_bakes_from_nothing_are_equal_and_shown_to_be() {
+    let bench = Bench::new();
+    let verify = |more: &[&str]| {
+        Command::new(env!("CARGO_BIN_EXE_cairn-bake"))
+            .args([
+                "verify",
+                "--twice",
+                "--threads",
+                "3",
+                "--texture-quality",
+                "fast",
+            ])
+            .args(more)
+            .arg(bench.path("scene/materials.gltf"))
+            .env("CAIRN_CACHE", bench.path("cache"))
+            .output()
+            .expect("it runs")
+    };
+    let verdict = json(&verify(&["--json"]));
+    assert_eq!(verdict["equal"], true);
+    assert_eq!(
+        [
+            &verdict["runs"][0]["threads"],
+            &verdict["runs"][1]["threads"]
+        ],
+        [1, 3]
+    );
+    // The hashes are those of the package, as `-v` prints them.
+    let printed = text(&bench.bake("out.cairn", &["-v"]).stdout);
+    let sections = verdict["sections"].as_array().expect("sections");
+    assert!(sections.len() > 8);
+    for section in sections {
+        let hash = section["hashes"][1].as_str().expect("a hash");
+        assert!(printed.contains(hash), "{section} in {printed}");
+    }
+    let content = verdict["runs"][0]["content_hash"].as_str().expect("a hash");
+    assert!(printed.contains(content), "{content} in {printed}");
+    let said = text(&verify(&[]).stdout);
+    assert!(said.ends_with("\nequal\n"), "{said}");
+    // Settings of a bake say nothing of a package.
+    let done = Command::new(env!("CARGO_BIN_EXE_cairn-bake"))
+        .args(["verify", "--sun", "keep"])
+        .arg(bench.path("out.cairn"))
+        .output()
+        .expect("it runs");
+    assert_eq!(done.status.code(), Some(2), "{}", text(&done.stderr));
 }
 
 #[test]
@@ -289,7 +331,7 @@ fn killed_bakes_leave_nothing_half_written() {
     let whole = bench.bytes("whole.cairn");
     let old = b"an older package".to_vec();
     let (mut untouched, mut finished) = (0, 0);
-    for round in 0..40 {
+    for round in 0..20 {
         if round % 4 == 0 {
             // A cold cache every few rounds; in between it is as the killed left it.
             let _ = std::fs::remove_dir_all(bench.path("cache"));

@@ -14,6 +14,7 @@ mod place;
 mod stamp;
 mod store;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Instant, SystemTime};
@@ -96,6 +97,8 @@ pub struct Session {
 struct State {
     products: Vec<(Inputs, Outcome)>,
     problem: Option<String>,
+    /// Keys of products that were not there before.
+    made: BTreeSet<Key>,
 }
 
 impl Session {
@@ -151,6 +154,7 @@ impl Session {
         if let Err(error) = store.put(&key, &bytes) {
             self.state().problem.get_or_insert(error.to_string());
         }
+        self.state().made.insert(key);
         let why = self.why_missed(&inputs, &key, &found);
         self.note(inputs, false, why, start, bytes.len());
         Ok(product)
@@ -193,6 +197,9 @@ impl Session {
     }
 
     fn why_hit(&self, key: &Key) -> String {
+        if self.state().made.contains(key) {
+            return "equal to another of this bake".into();
+        }
         let known = self.before.as_ref().is_some_and(|before| {
             let mut products = before.products.iter();
             products.any(|product| product.key() == *key)
@@ -235,14 +242,16 @@ impl Session {
 
     /// The summary of the bake that wrote the output, where that is still what `request` would write: no file that
     /// it depends on, no setting and no code changed, nor did the output.
-    pub fn unchanged(&self, request: &Inputs) -> Option<Summary> {
+    pub fn unchanged(&self, request: &Inputs, output: &Path) -> Option<Summary> {
         let store = self.store.as_ref()?;
         let mut manifest = self.before.clone()?;
         let before = manifest.clone();
         let started = self.started;
         let mut dependencies = manifest.dependencies.iter_mut();
         let summary = before.summary()?;
-        let holds = manifest.request == *request
+        // It may be what is remembered of the scene, baked into another package.
+        let holds = manifest.output.path == absolute(output)
+            && manifest.request == *request
             && dependencies.all(|dependency| dependency.holds(started))
             && manifest.output.holds(started);
         if !holds {

@@ -1,29 +1,29 @@
 //! Bakes: progress while it runs, then a summary as text or JSON.
 
 use super::SUCCESS;
-use crate::args::Args;
+use crate::args::{Args, Settings};
 use crate::cache::Place;
 use crate::diagnostic::BakeError;
 use crate::pipeline::{Options, bake};
 use crate::progress::{Bar, Progress, Silent};
 use crate::report::Summary;
 
-pub(super) fn run(args: &Args) -> Result<u8, BakeError> {
-    if let Some(threads) = args.settings.threads {
+pub(super) fn run(args: &Args, settings: &Settings) -> Result<u8, BakeError> {
+    if let Some(threads) = settings.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
         // Fails only where a pool exists already, and nothing has run before.
         let _ = pool.build_global();
     }
-    let summary = bake_with_progress(args)?;
+    let summary = bake_with_progress(args, settings)?;
     print(args, &summary);
     Ok(SUCCESS)
 }
 
-fn bake_with_progress(args: &Args) -> Result<Summary, BakeError> {
+fn bake_with_progress(args: &Args, settings: &Settings) -> Result<Summary, BakeError> {
     let cache = args.cache.clone().unwrap_or_else(Place::default_of_user);
     let options = Options {
         cache: cache.folder(),
-        ..args.settings.options(&args.input, &args.output)
+        ..settings.options(&args.input, &args.output)
     };
     if args.quiet || args.json {
         return bake(&options, &Silent);

@@ -10,7 +10,7 @@ mod verify;
 use std::path::Path;
 use std::process::ExitCode;
 
-use crate::args::Args;
+use crate::args::{Args, Settings};
 use crate::diagnostic::BakeError;
 
 /// Everything went as asked.
@@ -35,6 +35,9 @@ pub struct Cli {
     pub command: Option<Command>,
     #[command(flatten)]
     pub bake: Option<Args>,
+    // Not in `Args`: clap tells whether those are there only where they are flat.
+    #[command(flatten)]
+    pub settings: Settings,
 }
 
 /// What to do in place of a bake.
@@ -57,7 +60,7 @@ impl Cli {
     pub fn run(self) -> ExitCode {
         let done = match (self.command, self.bake) {
             (Some(command), _) => command.run(),
-            (None, Some(args)) => bake::run(&args),
+            (None, Some(args)) => bake::run(&args, &self.settings),
             // The parser asks for a scene where there is no command.
             (None, None) => Ok(FAILURE),
         };
