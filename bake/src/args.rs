@@ -1,22 +1,48 @@
 //! The command line of a bake.
 
-use std::path::PathBuf;
+use std::convert::Infallible;
+use std::path::{Path, PathBuf};
 
+use crate::cache::Place;
 use crate::encode::{Effort, EncodeOptions, Kernels, MipFilter, SkyFormat};
 use crate::environment::{EnvironmentOptions, SunMode};
-use crate::pipeline::DEFAULT_LIMIT_PIXELS;
+use crate::pipeline::{DEFAULT_LIMIT_PIXELS, Options};
+use crate::strict::Strict;
 
-/// What to bake, how, and what to print.
+/// What to bake, and what to print.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// The scene: .gltf or .glb.
     pub input: PathBuf,
-    /// The environment: an equirectangular panorama, .hdr or .exr.
-    #[arg(long, value_name = "SKY")]
-    pub env: Option<PathBuf>,
     /// The package to write.
     #[arg(long, short, value_name = "OUT.cairn")]
     pub output: PathBuf,
+    /// Folder of the products of earlier bakes, or `off`; by default $CAIRN_CACHE, or else the user's cache folder.
+    #[arg(long, value_name = "DIR|off", value_parser = |text: &str| Ok::<_, Infallible>(Place::parse(text)))]
+    pub cache: Option<Place>,
+    /// Say of every product whether it was reused, and why not.
+    #[arg(long)]
+    pub explain: bool,
+    /// Take warnings for errors: those of these codes, or all.
+    #[arg(long, value_name = "CODE,...", num_args = 0..=1, require_equals = true, default_missing_value = "all")]
+    pub strict: Option<Strict>,
+    /// Print the summary as one JSON object on standard output.
+    #[arg(long)]
+    pub json: bool,
+    /// Print nothing but errors.
+    #[arg(long, short, conflicts_with = "json")]
+    pub quiet: bool,
+    /// Print every row of the speed and error report.
+    #[arg(long, short)]
+    pub verbose: bool,
+}
+
+/// All that decides what a bake makes of its input.
+#[derive(clap::Args, Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// The environment: an equirectangular panorama, .hdr or .exr.
+    #[arg(long, value_name = "SKY")]
+    pub env: Option<PathBuf>,
     /// Effort of the texture encoders: fast, default, best, or the least PSNR of level 0, such as 42dB, for which
     /// each texture gets the cheapest preset that reaches it.
     #[arg(long, value_name = "EFFORT", default_value_t)]
@@ -39,21 +65,15 @@ pub struct Args {
     /// Storage of the sky and of the prefiltered cube.
     #[arg(long, value_enum, default_value = "bc6h")]
     pub sky_format: SkyFormat,
+    /// Side of the sky cube's faces, rounded up to a power of two; by default it follows the panorama's resolution.
+    #[arg(long, value_name = "TEXELS", value_parser = clap::value_parser!(u32).range(8..=4096))]
+    pub sky_size: Option<u32>,
     /// Images of more texels than this are refused.
     #[arg(long, value_name = "TEXELS", default_value_t = DEFAULT_LIMIT_PIXELS)]
     pub limit_pixels: u64,
     /// Threads to use; the bytes are the same for any number.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
-    /// Print the summary as one JSON object on standard output.
-    #[arg(long)]
-    pub json: bool,
-    /// Print nothing but errors.
-    #[arg(long, short, conflicts_with = "json")]
-    pub quiet: bool,
-    /// Print every row of the speed and error report.
-    #[arg(long, short)]
-    pub verbose: bool,
 }
 
 /// What becomes of the sun.
@@ -89,7 +109,19 @@ impl IblQuality {
     }
 }
 
-impl Args {
+impl Settings {
+    /// A bake with these settings, without a cache.
+    pub fn options(&self, input: &Path, output: &Path) -> Options {
+        Options {
+            environment: self.env.clone(),
+            textures: self.textures(),
+            light: self.light(),
+            sky_format: self.sky_format,
+            limit_pixels: self.limit_pixels,
+            ..Options::new(input, output)
+        }
+    }
+
     /// Options of the texture encoders.
     pub fn textures(&self) -> EncodeOptions {
         EncodeOptions {
@@ -111,6 +143,10 @@ impl Args {
                 Sun::Keep => SunMode::Keep,
                 Sun::Off => SunMode::Off,
             },
+            sky_size: self.sky_size,
+            sky_limit: self
+                .sky_size
+                .unwrap_or(EnvironmentOptions::default().sky_limit),
             error: self.ibl_error.unwrap_or(self.ibl_quality.error()),
             ..EnvironmentOptions::default()
         }

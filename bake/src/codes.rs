@@ -97,6 +97,8 @@ codes! {
         => EXPORT;
     Error "buffer-without-data": "The buffer names no file, and the file has no binary chunk."
         => "Export as .glb, or with a .bin file beside the .gltf.";
+    Error "cache-off": "A command about the cache was given `--cache off`."
+        => "Name the folder of the cache, or leave the flag away.";
     Warning "camera-invalid": "The camera's numbers span no view, so it is left out."
         => "Correct the field of view and the planes in the scene's editor.";
     Error "camera-type": "The camera is neither perspective nor orthographic."
@@ -189,6 +191,8 @@ codes! {
         => EXPORT;
     Error "not-gltf": "The file is something else than glTF."
         => "Export the scene as glTF 2.0: .gltf or .glb.";
+    Error "number-range": "A number is too large for 32 bits, the precision that glTF has."
+        => EXPORT;
     Error "output-is-input": "The output would overwrite an input."
         => "Choose another -o.";
     Error "package": "The finished package broke a rule of its own format: a bug of the bake."
@@ -213,8 +217,8 @@ codes! {
         => EXPORT;
     Warning "skin-static": "Skins are applied once, in the default pose."
         => "Nothing, if the default pose is what you want; else pose the scene before the export.";
-    Error "strict": "A warning that `--strict` makes an error."
-        => "Mend what the warning names, or leave its code out of --strict.";
+    Error "sky-format": "The sky cannot be stored as asked for."
+        => "Choose another --sky-format.";
     Warning "tangents-arbitrary": "A normal map lies on triangles without texture coordinates to derive tangents from; its bumps point in arbitrary directions."
         => "Export with tangents, or unwrap the mesh.";
     Warning "texcoord-set": "The material reads a set of texture coordinates that the package does not hold."
@@ -235,6 +239,8 @@ codes! {
         => "Put the file beside the scene; or trust the scene with --allow-external.";
     Error "uri-scheme": "The bake reads files, and nothing from the network."
         => "Download the file and name it relative to the scene.";
+    Error "verify-settings": "Settings of a bake mean nothing where no scene is baked."
+        => "Add --twice, or leave the settings away.";
     Warning "vertex-color-ignored": "Vertex colours of this form are not read."
         => "Use COLOR_0 as RGB or RGBA.";
     Error "world-overflow": "Positions in the world are too large for 32-bit floats."

@@ -228,6 +228,7 @@ fn malformed(error: serde_json::Error) -> Refusal {
     let what = text.split(" at line ").next().unwrap_or_default();
     let code = match error.classify() {
         serde_json::error::Category::Data => "gltf-schema",
+        _ if what == "number out of range" => "number-range",
         _ => "json-syntax",
     };
     refuse(

@@ -57,10 +57,27 @@ type Texels = (u32, u32, Vec<[f32; 3]>);
 /// `BakeError::Io` where the file cannot be read, `BakeError::Input` where it is broken, too
 /// large, or in a variant that is not supported.
 pub fn load_environment(path: &Path) -> Result<EnvironmentImage> {
+    let (bytes, source) = read_environment(path)?;
+    decode_environment(path, &bytes, source)
+}
+
+/// Reads the file of an environment image without looking into it.
+///
+/// # Errors
+/// `BakeError::Io` where the file cannot be read.
+pub fn read_environment(path: &Path) -> Result<(Vec<u8>, Source)> {
     let bytes = read_file(path).map_err(|error| BakeError::io(path, error))?;
-    let name = path.display().to_string();
-    let source = describe(name.replace('\\', "/"), &bytes);
-    decode(&bytes, name, source)
+    let name = path.display().to_string().replace('\\', "/");
+    let source = describe(name, &bytes);
+    Ok((bytes, source))
+}
+
+/// Decodes an environment image; the format is told by content.
+///
+/// # Errors
+/// `BakeError::Input` where it is broken, too large, or in a variant that is not supported.
+pub fn decode_environment(path: &Path, bytes: &[u8], source: Source) -> Result<EnvironmentImage> {
+    decode(bytes, path.display().to_string(), source)
 }
 
 fn decode(bytes: &[u8], file: String, source: Source) -> Result<EnvironmentImage> {
@@ -160,14 +177,23 @@ fn decode_exr(bytes: &[u8], origin: &Origin, diagnostics: &mut Vec<Diagnostic>) 
         let message = "the data window differs from the display window; the data window is used";
         diagnostics.push(Diagnostic::warning("environment-window", origin, message));
     }
-    let image = read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .first_valid_layer()
-        .all_attributes()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(broken)?;
+    // In this thread: the library's decoders panic on some damaged blocks, and a panic in its pool ends the process.
+    let decoded = std::panic::catch_unwind(|| {
+        read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .first_valid_layer()
+            .all_attributes()
+            .non_parallel()
+            .from_buffered(Cursor::new(bytes))
+    });
+    let damaged = |_| {
+        broken(exr::error::Error::Invalid(
+            "a compressed block is damaged".into(),
+        ))
+    };
+    let image = decoded.map_err(damaged)?.map_err(broken)?;
     let layer = &image.layer_data;
     match exr_texels(layer) {
         Some(texels) => Ok((
