@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 /// First eight bytes; the line ends show a transfer in text mode.
 pub const MAGIC: [u8; 8] = *b"CAIRN\r\n\x1a";
 /// Version of the layout; readers refuse any other.
-pub const FORMAT_VERSION: u32 = 2;
+pub const FORMAT_VERSION: u32 = 3;
 /// Alignment of every section, in bytes.
 pub const PAGE: u64 = 4096;
 /// Alignment of the root and of image levels, in bytes.

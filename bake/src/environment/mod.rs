@@ -20,7 +20,7 @@ mod verify;
 
 use std::time::Instant;
 
-pub use brdf_lut::{DEFAULT_LUT_SIZE, brdf_lut};
+pub use brdf_lut::brdf_lut;
 pub use cubemap::{Cube, HALF_MAX, face_direction, level_to_rgba16f};
 pub use equirect::Equirect;
 pub use importance::ImportanceTable;
