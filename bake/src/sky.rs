@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use cairn_format::TextureFormat;
 use cairn_format::brdf_table::BRDF_TABLE_SIZE;
-use cairn_format::scene::{Environment, ImageRole, Sun};
+use cairn_format::scene::{Environment, IDENTITY_SWIZZLE, ImageRole, Sun};
 
 use crate::encode::SkyFormat;
 use crate::environment::{
@@ -98,6 +98,7 @@ pub fn store_lut(texels: &mut Texels, sheen: bool) -> u32 {
         name: "brdf-lut",
         role: ImageRole::Environment,
         format: TextureFormat::Rgba16Float,
+        swizzle: IDENTITY_SWIZZLE,
         width: BRDF_TABLE_SIZE,
         height: BRDF_TABLE_SIZE,
         layers: 1,
@@ -140,6 +141,7 @@ fn push_cube(texels: &mut Texels, name: &str, cube: &Cube, format: SkyFormat) ->
         name,
         role: ImageRole::Environment,
         format: format.texture_format(),
+        swizzle: IDENTITY_SWIZZLE,
         width: cube.size,
         height: cube.size,
         layers: 6,

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use cairn_format::TextureFormat;
 use cairn_format::header::{ALIGNMENT, align_up};
-use cairn_format::scene::{Image, ImageRole, Level};
+use cairn_format::scene::{IDENTITY_SWIZZLE, Image, ImageRole, Level, Swizzle};
 use rayon::prelude::*;
 
 use crate::diagnostic::Result;
@@ -29,6 +29,7 @@ pub struct ImageInfo<'a> {
     pub name: &'a str,
     pub role: ImageRole,
     pub format: TextureFormat,
+    pub swizzle: [Swizzle; 4],
     pub width: u32,
     pub height: u32,
     pub layers: u32,
@@ -53,6 +54,7 @@ impl Texels {
             name: info.name.to_owned(),
             role: info.role,
             format: info.format,
+            swizzle: info.swizzle,
             width: info.width,
             height: info.height,
             layers: info.layers,
@@ -130,6 +132,7 @@ pub fn store(
                 Role::Normal => ImageRole::Normal,
             },
             format: texture.format,
+            swizzle: IDENTITY_SWIZZLE,
             width: texture.width,
             height: texture.height,
             layers: 1,
@@ -186,6 +189,7 @@ mod tests {
             name: "a",
             role: ImageRole::Data,
             format: TextureFormat::Rgba8Unorm,
+            swizzle: IDENTITY_SWIZZLE,
             width: 3,
             height: 1,
             layers: 1,

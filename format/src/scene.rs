@@ -168,6 +168,28 @@ root_enum! {
     }
 }
 
+/// Every component is the channel of its name.
+pub const IDENTITY_SWIZZLE: [Swizzle; 4] =
+    [Swizzle::Red, Swizzle::Green, Swizzle::Blue, Swizzle::Alpha];
+
+root_enum! {
+    /// What a shader reads as one component of a texel.
+    pub enum Swizzle {
+        /// The first stored channel.
+        Red = 0,
+        /// The second.
+        Green = 1,
+        /// The third.
+        Blue = 2,
+        /// The fourth.
+        Alpha = 3,
+        /// 0.
+        Zero = 4,
+        /// 1.
+        One = 5,
+    }
+}
+
 root_struct! {
     /// An image with its mip chain in the texel section.
     pub struct Image {
@@ -177,6 +199,8 @@ root_struct! {
         pub role: ImageRole,
         /// Storage format.
         pub format: TextureFormat,
+        /// What shaders read as red, green, blue and alpha; [`IDENTITY_SWIZZLE`] unless channels were moved together.
+        pub swizzle: [Swizzle; 4],
         /// Texels of level 0.
         pub width: u32,
         /// Texels of level 0.
@@ -450,6 +474,7 @@ pub(crate) fn schema_text() -> String {
         MaterialInfo::TEXT,
         Texture::TEXT,
         ImageRole::TEXT,
+        Swizzle::TEXT,
         Image::TEXT,
         Level::TEXT,
         Wrap::TEXT,

@@ -29,6 +29,10 @@ pub enum TextureFormat {
     Rgb9e5Ufloat = 8,
     /// Four 16-bit linear channels: `VK_FORMAT_R16G16B16A16_UNORM`.
     Rgba16Unorm = 9,
+    /// UASTC LDR 4x4 blocks of Basis Universal, linear: the player transcodes them to what the device reads.
+    UastcUnorm = 10,
+    /// UASTC LDR 4x4 blocks, sRGB colour and linear alpha.
+    UastcSrgb = 11,
 }
 
 impl ArchivedTextureFormat {
@@ -45,6 +49,8 @@ impl ArchivedTextureFormat {
             Self::Rgba16Float => TextureFormat::Rgba16Float,
             Self::Rgb9e5Ufloat => TextureFormat::Rgb9e5Ufloat,
             Self::Rgba16Unorm => TextureFormat::Rgba16Unorm,
+            Self::UastcUnorm => TextureFormat::UastcUnorm,
+            Self::UastcSrgb => TextureFormat::UastcSrgb,
         }
     }
 }
@@ -53,20 +59,38 @@ impl TextureFormat {
     /// Width and height in texels of one block; 1 for uncompressed formats.
     pub const fn block_extent(self) -> u32 {
         match self {
-            Self::Bc7Unorm | Self::Bc7Srgb | Self::Bc5Unorm | Self::Bc4Unorm | Self::Bc6hUfloat => {
-                4
-            }
-            _ => 1,
+            Self::Bc7Unorm
+            | Self::Bc7Srgb
+            | Self::Bc5Unorm
+            | Self::Bc4Unorm
+            | Self::Bc6hUfloat
+            | Self::UastcUnorm
+            | Self::UastcSrgb => 4,
+            Self::Rgba8Unorm
+            | Self::Rgba8Srgb
+            | Self::Rgba16Float
+            | Self::Rgb9e5Ufloat
+            | Self::Rgba16Unorm => 1,
         }
     }
 
     /// Bytes of one block.
     pub const fn block_bytes(self) -> u32 {
         match self {
-            Self::Bc7Unorm | Self::Bc7Srgb | Self::Bc5Unorm | Self::Bc6hUfloat => 16,
+            Self::Bc7Unorm
+            | Self::Bc7Srgb
+            | Self::Bc5Unorm
+            | Self::Bc6hUfloat
+            | Self::UastcUnorm
+            | Self::UastcSrgb => 16,
             Self::Bc4Unorm | Self::Rgba16Float | Self::Rgba16Unorm => 8,
             Self::Rgba8Unorm | Self::Rgba8Srgb | Self::Rgb9e5Ufloat => 4,
         }
+    }
+
+    /// Whether no device samples it: the player transcodes its blocks while it uploads.
+    pub const fn is_universal(self) -> bool {
+        matches!(self, Self::UastcUnorm | Self::UastcSrgb)
     }
 
     /// Bytes of one layer of a level of `width` x `height` texels, edge blocks whole.
@@ -78,7 +102,7 @@ impl TextureFormat {
 
     /// Whether sampling decodes colour from sRGB.
     pub const fn is_srgb(self) -> bool {
-        matches!(self, Self::Bc7Srgb | Self::Rgba8Srgb)
+        matches!(self, Self::Bc7Srgb | Self::Rgba8Srgb | Self::UastcSrgb)
     }
 }
 

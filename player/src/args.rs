@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::camera::Camera;
 use crate::camera_file;
 use crate::error::PlayerError;
-use crate::gpu::GpuOptions;
+use crate::gpu::{AllowedBlocks, GpuOptions};
 use crate::headless::trace::TraceOptions;
 use crate::settings::Settings;
 use crate::settings::flags::SettingFlags;
@@ -132,6 +132,9 @@ pub struct SceneArgs {
     /// Part of the name of the GPU to use.
     #[arg(long)]
     pub device: Option<String>,
+    /// Block-compressed formats to use, of those that the device has.
+    #[arg(long, value_enum, default_value = "all")]
+    pub texture_blocks: AllowedBlocks,
     /// Turn on the Khronos validation layer; any message of it makes the exit code 3.
     #[arg(long)]
     pub validation: bool,
@@ -215,6 +218,7 @@ impl SceneArgs {
             validation: self.validation,
             device: self.device.clone(),
             cache: crate::user::cache_folder(),
+            blocks: self.texture_blocks,
         }
     }
 

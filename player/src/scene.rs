@@ -3,6 +3,7 @@
 mod segments;
 mod textures;
 pub mod trace;
+mod transcode;
 
 use cairn_format::gpu::{Instance, Material};
 use cairn_format::scene::natives;

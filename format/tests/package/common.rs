@@ -6,8 +6,8 @@ use cairn_format::gpu::{
     DrawGroup, Instance, Material, MaterialExtension, MeshInstance, PunctualLight,
 };
 use cairn_format::scene::{
-    Bounds, Image, ImageRole, Level, MaterialInfo, Mesh, MipFilter, Primitive, Sampler, Scene,
-    Texture, Wrap,
+    Bounds, IDENTITY_SWIZZLE, Image, ImageRole, Level, MaterialInfo, Mesh, MipFilter, Primitive,
+    Sampler, Scene, Texture, Wrap,
 };
 use cairn_format::{Aabb, SectionKind, TextureFormat, Vertex, Writer};
 use glam::Vec3;
@@ -117,6 +117,7 @@ fn scene() -> Scene {
             name: "two texels".into(),
             role: ImageRole::Color,
             format: TextureFormat::Rgba8Srgb,
+            swizzle: IDENTITY_SWIZZLE,
             width: 2,
             height: 1,
             layers: 1,

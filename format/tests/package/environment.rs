@@ -2,7 +2,7 @@
 
 use crate::common::{Content, package, tiny};
 use cairn_format::gpu::{EnvAliasEntry, EnvAliasHeader};
-use cairn_format::scene::{Environment, Image, ImageRole, Level, Scene, Sun};
+use cairn_format::scene::{Environment, IDENTITY_SWIZZLE, Image, ImageRole, Level, Scene, Sun};
 use cairn_format::{Package, Result, TextureFormat, features};
 
 /// The tiny package under a grey sky with a sun.
@@ -13,6 +13,7 @@ fn lit() -> (Scene, Content) {
         name: name.into(),
         role: ImageRole::Environment,
         format: TextureFormat::Rgb9e5Ufloat,
+        swizzle: IDENTITY_SWIZZLE,
         width: 1 << (lengths.len() - 1),
         height: 1 << (lengths.len() - 1),
         layers,

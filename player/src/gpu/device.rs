@@ -7,6 +7,7 @@ use ash::vk;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationError, AllocationSizes, AllocatorDebugSettings};
 
+use super::blocks::{AllowedBlocks, Blocks};
 use super::command::Commands;
 use super::error::{GpuError, GpuResult};
 use super::frame_sync::CommandMemory;
@@ -26,6 +27,8 @@ pub struct GpuOptions {
     pub device: Option<String>,
     /// Folder of compiled pipelines; none are kept where absent.
     pub cache: Option<std::path::PathBuf>,
+    /// Families of block-compressed formats that may be used, of those that the device has.
+    pub blocks: AllowedBlocks,
 }
 
 /// A Vulkan device, shared by everything made from it.
@@ -46,6 +49,8 @@ pub(super) struct Shared {
     pub(super) pipeline_cache: PipelineCache,
     pub(super) limits: vk::PhysicalDeviceLimits,
     pub(super) anisotropy: bool,
+    /// Enabled families of block-compressed formats.
+    pub(super) blocks: Blocks,
     /// `gl_PrimitiveID` in fragment shaders.
     pub(super) primitive_id: bool,
     /// Sample counts of integer colour targets.
@@ -76,7 +81,8 @@ impl Gpu {
         options: &GpuOptions,
         presents: Option<Presents<'_>>,
     ) -> GpuResult<Self> {
-        let candidate = select(&instance, options.device.as_deref(), presents)?;
+        let mut candidate = select(&instance, options.device.as_deref(), presents)?;
+        candidate.blocks = candidate.blocks.of(options.blocks);
         let device = create_device(&instance, &candidate, presents.is_some())?;
         let shared = Shared::new(instance, candidate, device, options.cache.as_deref())?;
         Ok(Self {
@@ -97,6 +103,11 @@ impl Gpu {
     /// Whether the device traces rays: acceleration structures, ray-tracing pipelines, buffer addresses.
     pub fn traces_rays(&self) -> bool {
         self.shared.ray_tracing.is_some()
+    }
+
+    /// Families of block-compressed formats that images may have.
+    pub fn blocks(&self) -> Blocks {
+        self.shared.blocks
     }
 
     /// Limits of the device.
@@ -222,6 +233,7 @@ impl Shared {
             pipeline_cache: objects.pipeline_cache,
             limits: candidate.properties.limits,
             anisotropy: candidate.anisotropy,
+            blocks: candidate.blocks,
             primitive_id: candidate.primitive_id,
             integer_samples: candidate.integer_samples,
             software: candidate.kind == vk::PhysicalDeviceType::CPU,
@@ -389,7 +401,8 @@ fn create_device(
         .shader_terminate_invocation(true)
         .maintenance4(true);
     let v10 = vk::PhysicalDeviceFeatures::default()
-        .texture_compression_bc(true)
+        .texture_compression_bc(candidate.blocks.bc)
+        .texture_compression_astc_ldr(candidate.blocks.astc)
         .depth_clamp(true)
         .depth_bias_clamp(true)
         .shader_storage_image_extended_formats(true)

@@ -45,6 +45,19 @@ pub enum GpuError {
         /// What it is needed for.
         usage: String,
     },
+    /// A package stores an image in blocks that the device cannot read.
+    #[error(
+        "{device} reads no {family} textures, but image `{image}` is one: bake the scene with \
+         --target portable, which any device can show"
+    )]
+    NoBlocks {
+        /// Device name.
+        device: String,
+        /// `BC` or `ASTC`.
+        family: &'static str,
+        /// Image name.
+        image: String,
+    },
     /// Something is larger than the device allows.
     #[error("{what} is {needed}, but {device} allows {limit}")]
     Limit {

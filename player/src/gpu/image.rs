@@ -110,6 +110,18 @@ impl Image {
     /// # Errors
     /// `Format` or `Limit` where the device cannot have such an image, `OutOfMemory` with the image's name.
     pub fn new(gpu: &Gpu, desc: &ImageDesc<'_>) -> GpuResult<Self> {
+        Self::with_components(gpu, desc, vk::ComponentMapping::default())
+    }
+
+    /// As [`Image::new`], with a view that shows its channels as `components`. Such an image can only be sampled.
+    ///
+    /// # Errors
+    /// Those of [`Image::new`].
+    pub fn with_components(
+        gpu: &Gpu,
+        desc: &ImageDesc<'_>,
+        components: vk::ComponentMapping,
+    ) -> GpuResult<Self> {
         let shared = &gpu.shared;
         check_support(shared, desc)?;
         // SAFETY: the device is alive and supports images of this kind.
@@ -119,7 +131,7 @@ impl Image {
             // SAFETY: the image was never used.
             unsafe { shared.device.destroy_image(raw, None) };
         })?;
-        let view = match create_view(shared, raw, desc) {
+        let view = match create_view(shared, raw, desc, components) {
             Ok(view) => view,
             Err(error) => {
                 // SAFETY: the image was never used.
@@ -246,6 +258,13 @@ fn image_info(desc: &ImageDesc<'_>) -> vk::ImageCreateInfo<'static> {
 }
 
 fn check_support(shared: &Shared, desc: &ImageDesc<'_>) -> GpuResult<()> {
+    if let Some(family) = shared.blocks.lacks(desc.format) {
+        return Err(GpuError::NoBlocks {
+            device: shared.name.clone(),
+            family,
+            image: desc.name.to_owned(),
+        });
+    }
     // SAFETY: the physical device belongs to the living instance.
     let result = unsafe {
         shared
@@ -343,7 +362,12 @@ fn bind(shared: &Shared, raw: vk::Image, desc: &ImageDesc<'_>) -> GpuResult<Allo
     }
 }
 
-fn create_view(shared: &Shared, raw: vk::Image, desc: &ImageDesc<'_>) -> GpuResult<vk::ImageView> {
+fn create_view(
+    shared: &Shared,
+    raw: vk::Image,
+    desc: &ImageDesc<'_>,
+    components: vk::ComponentMapping,
+) -> GpuResult<vk::ImageView> {
     let kind = match (desc.cube, desc.array) {
         (true, _) => vk::ImageViewType::CUBE,
         (false, false) => vk::ImageViewType::TYPE_2D,
@@ -353,6 +377,7 @@ fn create_view(shared: &Shared, raw: vk::Image, desc: &ImageDesc<'_>) -> GpuResu
         .image(raw)
         .view_type(kind)
         .format(desc.format)
+        .components(components)
         .subresource_range(whole(desc.format));
     // SAFETY: the image has memory bound and was created for views of this kind.
     unsafe { shared.device.create_image_view(&info, None) }

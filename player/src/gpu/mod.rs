@@ -5,6 +5,7 @@
 
 pub mod accel;
 pub mod attachment;
+pub mod blocks;
 pub mod buffer;
 pub mod command;
 pub mod descriptor;
@@ -32,6 +33,7 @@ mod tests;
 pub use accel::{BuildStats, TopLevel, TraceGeometry, TraceInstance};
 pub use ash::vk;
 pub use attachment::{ColorAttachment, DepthAttachment, Load};
+pub use blocks::{AllowedBlocks, Blocks};
 pub use buffer::{Buffer, BufferDesc, Memory};
 pub use command::{Commands, FrameTarget, ImageBarrier, Sync};
 pub use descriptor::{DescriptorSet, Layouts, SetIndex};

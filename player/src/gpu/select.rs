@@ -4,6 +4,7 @@ use std::ffi::CStr;
 
 use ash::vk;
 
+use super::blocks::Blocks;
 use super::error::{GpuError, GpuResult};
 use super::instance::{Instance, version_text};
 
@@ -17,6 +18,8 @@ pub(super) struct Candidate {
     pub(super) queue_family: u32,
     pub(super) timestamp_bits: u32,
     pub(super) anisotropy: bool,
+    /// Families of block-compressed formats.
+    pub(super) blocks: Blocks,
     /// `geometryShader`, with which fragment shaders may read `gl_PrimitiveID`.
     pub(super) primitive_id: bool,
     pub(super) integer_samples: vk::SampleCountFlags,
@@ -110,6 +113,7 @@ fn examine(
         queue_family: 0,
         timestamp_bits: 0,
         anisotropy: false,
+        blocks: Blocks::default(),
         primitive_id: false,
         integer_samples: vk::SampleCountFlags::TYPE_1,
         ray_tracing: false,
@@ -172,13 +176,13 @@ fn examine_features(instance: &Instance, candidate: &mut Candidate) {
     // Software drivers spend most of a frame on anisotropic lookups, and lavapipe (Mesa 25.0) returns NaN from
     // them where the coordinates do not change at all, as on palette textures.
     let in_hardware = candidate.kind != vk::PhysicalDeviceType::CPU;
+    candidate.blocks = Blocks {
+        bc: v10.texture_compression_bc == vk::TRUE,
+        astc: v10.texture_compression_astc_ldr == vk::TRUE,
+    };
     candidate.primitive_id = v10.geometry_shader == vk::TRUE;
     candidate.anisotropy = in_hardware && v10.sampler_anisotropy == vk::TRUE;
     let needed = [
-        (
-            v10.texture_compression_bc,
-            "textureCompressionBC (BC4, BC5, BC6H, BC7)",
-        ),
         (v10.depth_clamp, "depthClamp"),
         (v10.depth_bias_clamp, "depthBiasClamp"),
         (
@@ -285,6 +289,7 @@ mod tests {
             timestamp_bits: 0,
             driver: String::new(),
             anisotropy: false,
+            blocks: Blocks::default(),
             primitive_id: false,
             integer_samples: vk::SampleCountFlags::TYPE_1,
             ray_tracing: false,

@@ -149,6 +149,29 @@ impl Uploader {
         format: TextureFormat,
         levels: impl IntoIterator<Item = &'a [u8]>,
     ) -> GpuResult<()> {
+        let copy = |stored: &[u8], staged: &mut [u8], _| {
+            staged.copy_from_slice(stored);
+            Ok(())
+        };
+        self.convert_image(image, [format; 2], levels, copy)
+    }
+
+    /// As [`Uploader::upload_image`], from blocks of one format to another: `convert` turns whole rows of stored
+    /// blocks into the staged texels of that many rows, in the staging memory itself. `formats` are the stored one
+    /// and one of the layout of the image's.
+    ///
+    /// # Panics
+    /// Where a level's length is not that of its extent.
+    ///
+    /// # Errors
+    /// Those of `convert` and of Vulkan; a row of blocks larger than a slot is a `Limit`.
+    pub fn convert_image<'a, E: From<GpuError>>(
+        &mut self,
+        image: &Image,
+        formats: [TextureFormat; 2],
+        levels: impl IntoIterator<Item = &'a [u8]>,
+        mut convert: impl FnMut(&[u8], &mut [u8], [u32; 2]) -> Result<(), E>,
+    ) -> Result<(), E> {
         self.room(1, "nothing")?;
         let all = ImageBarrier {
             image: image.view(),
@@ -159,7 +182,7 @@ impl Uploader {
         };
         self.barrier(all);
         for (level, bytes) in (0..).zip(levels) {
-            self.upload_level(image, format, level, bytes)?;
+            self.upload_level(image, formats, level, bytes, &mut convert)?;
         }
         self.room(1, "nothing")?;
         self.barrier(ImageBarrier {
@@ -173,33 +196,36 @@ impl Uploader {
     }
 
     /// Copies whole rows of blocks, as many as fit into the slot, layer by layer.
-    fn upload_level(
+    fn upload_level<E: From<GpuError>>(
         &mut self,
         image: &Image,
-        format: TextureFormat,
+        [stored, staged]: [TextureFormat; 2],
         level: u32,
         bytes: &[u8],
-    ) -> GpuResult<()> {
+        convert: &mut impl FnMut(&[u8], &mut [u8], [u32; 2]) -> Result<(), E>,
+    ) -> Result<(), E> {
         let [width, height] = image.extent().map(|size| mip_extent(size, level));
-        let block = format.block_extent();
-        let row_bytes = format.level_bytes(width, 1);
+        // Texel rows that are converted together.
+        let block = stored.block_extent().max(staged.block_extent());
+        let stored_row = stored.level_bytes(width, block);
+        let staged_row = staged.level_bytes(width, block);
         let rows = height.div_ceil(block);
-        let layer_bytes = row_bytes * u64::from(rows);
+        let layer_bytes = stored.level_bytes(width, height);
         let expected = layer_bytes * u64::from(image.layers());
         assert_eq!(bytes.len() as u64, expected, "level {level}");
-        for layer in 0..image.layers() {
-            let layer_start = u64::from(layer) * layer_bytes;
+        for (layer, bytes) in (0..).zip(bytes.chunks(layer_bytes as usize)) {
             let mut row = 0;
             while row < rows {
-                let (slot, room) = self.room(row_bytes, "a row of texel blocks")?;
-                let count = ((room / row_bytes) as u32).min(rows - row);
-                let start = (layer_start + u64::from(row) * row_bytes) as usize;
-                let length = row_bytes * u64::from(count);
-                let cursor = self.cursor as usize;
-                self.slots[slot].mapped_mut()?[cursor..][..length as usize]
-                    .copy_from_slice(&bytes[start..][..length as usize]);
+                let (slot, room) = self.room(staged_row, "a row of texel blocks")?;
+                let count = ((room / staged_row) as u32).min(rows - row);
                 let first = row * block;
                 let extent = [width, (count * block).min(height - first)];
+                let start = (u64::from(row) * stored_row) as usize;
+                let source = &bytes[start..][..stored.level_bytes(width, extent[1]) as usize];
+                let length = staged.level_bytes(width, extent[1]);
+                let cursor = self.cursor as usize;
+                let target = &mut self.slots[slot].mapped_mut()?[cursor..][..length as usize];
+                convert(source, target, extent)?;
                 let region = region(self.cursor, level, layer, first, extent);
                 let staging = &self.slots[slot];
                 if let Some(commands) = &mut self.open {

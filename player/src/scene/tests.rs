@@ -90,6 +90,7 @@ impl Parts {
             name: format!("image {}", self.scene.images.len()),
             role: ImageRole::Color,
             format,
+            swizzle: cairn_format::scene::IDENTITY_SWIZZLE,
             width: size,
             height: size,
             layers,

@@ -1,9 +1,12 @@
 //! Images, samplers and their bindless slots.
 
-use cairn_format::scene::{ArchivedImage, ArchivedMipFilter, ArchivedSampler, ArchivedWrap};
+use cairn_format::scene::{
+    ArchivedImage, ArchivedMipFilter, ArchivedSampler, ArchivedSwizzle, ArchivedWrap,
+};
 use cairn_format::{Error, Package, Part, SectionKind, TextureFormat};
 
 use super::EnvironmentSlots;
+use super::transcode::Target;
 use crate::PlayerError;
 use crate::gpu::{
     DescriptorSet, Gpu, GpuResult, Image, ImageDesc, Sampler, SamplerDesc, Uploader, vk,
@@ -146,27 +149,53 @@ fn upload_image(
 ) -> Result<Image, PlayerError> {
     let format = image.format.native();
     let layers = image.layers.to_native();
-    let target = Image::new(
-        gpu,
-        &ImageDesc {
-            name: &image.name,
-            format: vulkan_format(format),
-            extent: [image.width.to_native(), image.height.to_native()],
-            levels: image.levels.len() as u32,
-            layers,
-            cube: layers == 6,
-            array: false,
-            samples: 1,
-            usage: vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST,
+    let target = Target::of(gpu.blocks());
+    let desc = ImageDesc {
+        name: &image.name,
+        format: if format.is_universal() {
+            target.vulkan(format.is_srgb())
+        } else {
+            vulkan_format(format)
         },
-    )?;
+        extent: [image.width.to_native(), image.height.to_native()],
+        levels: image.levels.len() as u32,
+        layers,
+        cube: layers == 6,
+        array: false,
+        samples: 1,
+        usage: vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST,
+    };
+    let device_image = Image::with_components(gpu, &desc, components(&image.swizzle))?;
     // Ranges and lengths of levels were checked when the package was opened.
     let levels = image.levels.iter().map(|level| {
         let start = level.offset.to_native() as usize;
         &texels[start..start + level.length.to_native() as usize]
     });
-    uploader.upload_image(&target, format, levels)?;
-    Ok(target)
+    if !format.is_universal() {
+        uploader.upload_image(&device_image, format, levels)?;
+        return Ok(device_image);
+    }
+    let transcode = |stored: &[u8], staged: &mut [u8], extent| {
+        let done = target.transcode(stored, staged, extent, format.is_srgb());
+        done.map_err(|block| {
+            let what = format!("image `{}`: block {block} is not UASTC", image.name);
+            PlayerError::from(Error::corrupt(Part::Section(SectionKind::Texels), 0, what))
+        })
+    };
+    uploader.convert_image(&device_image, [format, target.layout()], levels, transcode)?;
+    Ok(device_image)
+}
+
+fn components(swizzle: &[ArchivedSwizzle; 4]) -> vk::ComponentMapping {
+    let [r, g, b, a] = swizzle.map(|channel| match channel {
+        ArchivedSwizzle::Red => vk::ComponentSwizzle::R,
+        ArchivedSwizzle::Green => vk::ComponentSwizzle::G,
+        ArchivedSwizzle::Blue => vk::ComponentSwizzle::B,
+        ArchivedSwizzle::Alpha => vk::ComponentSwizzle::A,
+        ArchivedSwizzle::Zero => vk::ComponentSwizzle::ZERO,
+        ArchivedSwizzle::One => vk::ComponentSwizzle::ONE,
+    });
+    vk::ComponentMapping { r, g, b, a }
 }
 
 /// One sampler for each distinct description: a file may repeat them, and devices have few.
@@ -237,5 +266,8 @@ fn vulkan_format(format: TextureFormat) -> vk::Format {
         TextureFormat::Rgba16Float => vk::Format::R16G16B16A16_SFLOAT,
         TextureFormat::Rgb9e5Ufloat => vk::Format::E5B9G9R9_UFLOAT_PACK32,
         TextureFormat::Rgba16Unorm => vk::Format::R16G16B16A16_UNORM,
+        TextureFormat::UastcUnorm | TextureFormat::UastcSrgb => {
+            unreachable!("universal blocks are transcoded")
+        }
     }
 }

@@ -412,6 +412,7 @@ fn add_image(
         name: String::new(),
         role: ImageRole::Data,
         format,
+        swizzle: cairn_format::scene::IDENTITY_SWIZZLE,
         width,
         height,
         layers,
