@@ -17,18 +17,30 @@ pub(super) struct CellLevel {
     pub cells: Vec<Cell>,
 }
 
+impl CellLevel {
+    /// The cells of the next finer level that one covers.
+    pub fn children(&self, index: usize) -> [usize; 4] {
+        let side = self.size as usize;
+        let first = 4 * (index / side) * side + 2 * (index % side);
+        [first, first + 1, first + 2 * side, first + 2 * side + 1]
+    }
+}
+
 /// One texel of the sky.
 ///
-/// A kernel weight taken at the centroid instead of the centre is right to second order however
-/// unevenly the radiance lies within the cell: a sun smaller than its cell is seen where it is.
+/// A mean of unit directions is shorter than 1 by half their variance, which the kernels use: a weight is right to
+/// third order however unevenly the radiance lies within the cell, and a sun smaller than its cell is seen where it
+/// is, as small as it is.
 #[derive(Clone, Copy)]
 pub(super) struct Cell {
     /// Mean radiance.
     pub radiance: [f32; 3],
-    /// Unit mean direction of the cell's area.
+    /// Mean direction of the cell's area.
     pub centre: [f32; 3],
-    /// Unit mean direction weighted by radiance (sum of channels); `centre` where black.
+    /// Mean direction weighted by radiance (sum of channels); `centre` where black.
     pub centroid: [f32; 3],
+    /// Variance of the directions: `1 - |centre|^2`, `1 - |centroid|^2`.
+    pub spread: [f32; 2],
     /// Cell side that serves this radiance, relative to that of a cell as bright as the mean: the error of a
     /// cell is its light times its side squared, so bright cells are split further.
     pub reach: f32,
@@ -48,9 +60,12 @@ pub(super) fn build(cube: &Cube, finest: usize, coarsest: u32) -> Vec<CellLevel>
         .map(|index| {
             let direction = texel_direction(index, size);
             let angle = solid_angles[index % solid_angles.len()];
+            // A texel is a square of that area, alight evenly: its variance is a sixth of the area.
+            let area = direction * (angle * (1.0 - angle / 12.0));
+            let light = to_f64(texels[index]).element_sum();
             Moment {
-                area: direction * angle,
-                light: direction * (angle * to_f64(texels[index]).element_sum()),
+                area,
+                light: area * light,
             }
         })
         .collect();
@@ -106,12 +121,21 @@ fn level(
     moments: &[Moment],
     mean: f32,
 ) -> CellLevel {
+    let angles = (0..texels.len())
+        .into_par_iter()
+        .map(|index| solid_angles[index % solid_angles.len()]);
     let cells = texels
         .par_iter()
         .zip(moments)
-        .map(|(&radiance, moment)| {
-            let centre = moment.area.normalize();
+        .zip(angles)
+        .map(|((&radiance, moment), angle)| {
             let light: f32 = radiance.iter().sum();
+            let centre = moment.area / angle;
+            let centroid = if light > 0.0 {
+                moment.light / (angle * to_f64(radiance).element_sum())
+            } else {
+                centre
+            };
             let reach = if light > mean {
                 (mean / light).sqrt().sqrt()
             } else {
@@ -121,7 +145,9 @@ fn level(
                 reach: reach.max(LEAST_REACH),
                 radiance,
                 centre: to_f32(centre),
-                centroid: to_f32(moment.light.try_normalize().unwrap_or(centre)),
+                centroid: to_f32(centroid),
+                spread: [centre, centroid]
+                    .map(|mean| (1.0 - mean.length_squared()).max(0.0) as f32),
             }
         })
         .collect();
@@ -149,7 +175,8 @@ mod tests {
         for level in &levels {
             let lit: Vec<_> = level.cells.iter().filter(|c| c.radiance[0] > 0.0).collect();
             assert_eq!(lit.len(), 1);
-            assert!((to_f64(lit[0].centroid) - direction).length() < 1e-6);
+            assert!((to_f64(lit[0].centroid) - direction).length() < 1e-4);
+            assert!(lit[0].spread[1] < 1e-3 * lit[0].spread[0].max(0.2));
         }
     }
 }

@@ -78,7 +78,7 @@ fn moments(sky: &CellLevel) -> [DVec3; 9] {
     for (index, cell) in sky.cells.iter().enumerate() {
         let angle = sky.solid_angles[index % sky.solid_angles.len()];
         let light = to_f64(cell.radiance) * angle;
-        let [x, y, z] = to_f64(cell.centroid).to_array();
+        let [x, y, z] = to_f64(cell.centroid).normalize().to_array();
         for (sum, term) in sums.iter_mut().zip(basis(x, y, z)) {
             *sum += light * term;
         }

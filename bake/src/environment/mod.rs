@@ -3,17 +3,22 @@
 mod brdf_lut;
 mod cells;
 mod cubemap;
+mod cut;
 mod equirect;
 mod ggx;
 mod harmonics;
 mod importance;
 mod irradiance;
+mod lattice;
+mod mirrors;
 mod prefilter;
 mod quadrature;
 mod range;
 mod resample;
 mod sheen;
+mod simd;
 mod sun;
+mod taps;
 #[cfg(test)]
 mod tests;
 mod verify;
@@ -28,9 +33,12 @@ pub use prefilter::level_roughness;
 pub use sun::{ExtractedSun, SunMode};
 
 use equirect::Rows;
+use verify::{Kernel, Oracle};
 
 /// Finest level the lobe and cosine integrals read; finer skies are averaged to it.
 const LARGEST_CELL_LEVEL: u32 = 512;
+/// Finest cells per face side times the alpha of the sharpest lobe, at least.
+const CELLS_PER_LOBE: f64 = 16.0;
 /// Side of the sky level that irradiance sums.
 const IRRADIANCE_CELLS: u32 = 64;
 /// Smallest sky cube, so that tiny maps keep their smooth reconstruction.
@@ -222,14 +230,20 @@ impl Sizes {
             .min(limit);
         let prefiltered = power(options.prefiltered_size, 8);
         let last = power(options.prefiltered_last, 1).min(prefiltered);
-        let base = sky.max(prefiltered).max(IRRADIANCE_CELLS);
+        let prefiltered_levels = levels_between(prefiltered, last) + 1;
+        let sharpest = level_roughness(1, prefiltered_levels.max(2)).powi(2);
+        let cells = power(libm::ceil(CELLS_PER_LOBE / sharpest) as u32, 8);
+        let base = sky
+            .max(prefiltered)
+            .max(IRRADIANCE_CELLS)
+            .max(cells.min(LARGEST_CELL_LEVEL));
         Self {
             sky,
             base,
             cells: base.min(LARGEST_CELL_LEVEL.max(prefiltered)),
             irradiance: power(options.irradiance_size, 1),
             prefiltered,
-            prefiltered_levels: levels_between(prefiltered, last) + 1,
+            prefiltered_levels,
         }
     }
 }
@@ -271,12 +285,7 @@ impl Baker<'_> {
         let start = Instant::now();
         let texels = irradiance::irradiance(summed(cells), size);
         let seconds = start.elapsed().as_secs_f64();
-        self.report_rms(
-            "irradiance",
-            seconds,
-            (&texels, size),
-            verify::cosine_kernel,
-        );
+        self.report_rms("irradiance", seconds, (&texels, size), &Kernel::Cosine);
         Cube::single(size, texels)
     }
 
@@ -331,15 +340,13 @@ impl Baker<'_> {
             let size = cube.level_size(level);
             let roughness = level_roughness(level, levels);
             let alpha = roughness * roughness;
-            let cut = prefilter::choose_cut(cells, size, alpha, self.error);
-            let texels = prefilter::prefilter(cells, size, alpha, cut);
-
+            let texels = prefilter::prefilter(cells, size, alpha, self.error);
             let seconds = start.elapsed().as_secs_f64();
             self.report_rms(
                 &format!("prefiltered {level}"),
                 seconds,
                 (&texels, size),
-                |distance_squared| ggx::lobe_weight(distance_squared, alpha),
+                &Kernel::Lobe(alpha),
             );
             cube.levels.push(texels);
         }
@@ -365,16 +372,10 @@ impl Baker<'_> {
         });
     }
 
-    fn report_rms(
-        &mut self,
-        name: &str,
-        seconds: f64,
-        level: (&[[f32; 3]], u32),
-        kernel: impl Fn(f64) -> f64 + Sync,
-    ) {
+    fn report_rms(&mut self, name: &str, seconds: f64, level: (&[[f32; 3]], u32), kernel: &Kernel) {
         let start = Instant::now();
-        let error = (self.probes > 0)
-            .then(|| verify::relative_rms(self.input, &self.rows, level, self.probes, kernel));
+        let oracle = Oracle::new(self.input, &self.rows, self.error);
+        let error = (self.probes > 0).then(|| oracle.relative_rms(level, self.probes, kernel));
         self.reports.push(StageReport {
             name: name.to_owned(),
             seconds,
