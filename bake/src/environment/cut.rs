@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::cells::CellLevel;
+use super::cells::{Cell, CellLevel};
 use super::cubemap::to_f32;
 use super::ggx::mean_lobe_weight;
 use super::simd::{self, Work};
@@ -31,7 +31,13 @@ impl CellList {
     /// Collects the cells that serve every one of the directions.
     ///
     /// Distances are chords, which are never longer than angles: a cell counts as nearer than it is.
-    pub fn gather(&mut self, pyramid: &[CellLevel], directions: &[DVec3], alpha: f64, cut: f64) {
+    pub fn gather(
+        &mut self,
+        pyramid: &[CellLevel<'_>],
+        directions: &[DVec3],
+        alpha: f64,
+        cut: f64,
+    ) {
         self.clear();
         let middle = directions.iter().sum::<DVec3>().normalize();
         let reach = directions
@@ -42,20 +48,20 @@ impl CellList {
         let (largest, cut) = ((LARGEST_CELL * cut) as f32, cut as f32);
         let least_squared = (4.0 * alpha * alpha) as f32;
         self.stack
-            .extend((0..pyramid[0].cells.len()).map(|index| (0, index)));
+            .extend((0..pyramid[0].len()).map(|index| (0, index)));
         while let Some((depth, index)) = self.stack.pop() {
             let level = &pyramid[depth];
             // Bounds of a texel's side and half diagonal, met at the middle of a face.
             let side = 2.0 / level.size as f32;
             let radius = side * std::f32::consts::FRAC_1_SQRT_2;
-            let cell = &level.cells[index];
+            let cell = level.cell(index);
             let nearest = Vec3::from(cell.centre).distance(middle) - reach - radius;
             if nearest > std::f32::consts::SQRT_2 {
                 continue;
             }
             let scale = (nearest.max(0.0) * nearest.max(0.0) + least_squared).sqrt();
             if depth + 1 == pyramid.len() || side <= largest.min(cut * scale) * cell.reach {
-                self.push(level, index);
+                self.push(&cell, level.solid_angle(index) as f32);
             } else {
                 let children = level.children(index);
                 self.stack.extend(children.map(|child| (depth + 1, child)));
@@ -78,9 +84,7 @@ impl CellList {
         self.stack.clear();
     }
 
-    fn push(&mut self, level: &CellLevel, index: usize) {
-        let cell = &level.cells[index];
-        let angle = level.solid_angles[index % level.solid_angles.len()] as f32;
+    fn push(&mut self, cell: &Cell, angle: f32) {
         for axis in 0..3 {
             self.centre[axis].push(cell.centre[axis]);
             self.centroid[axis].push(cell.centroid[axis]);

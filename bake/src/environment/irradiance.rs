@@ -11,7 +11,7 @@ use super::cubemap::{texel_direction, to_f32, to_f64};
 /// The cosine is linear in the direction, so that the first moments of a cell give its exact contribution, however
 /// large it is, wherever the horizon does not cross it: only cells that it crosses are split, down to those of the
 /// level given. The normalisation is summed the same way, so a constant sky is reproduced.
-pub(super) fn irradiance(sky: &CellLevel, size: u32) -> Vec<[f32; 3]> {
+pub(super) fn irradiance(sky: &CellLevel<'_>, size: u32) -> Vec<[f32; 3]> {
     let pyramid = pyramid(sky);
     let coarsest = &pyramid[pyramid.len() - 1];
     (0..6 * (size * size) as usize)
@@ -66,10 +66,11 @@ struct Moment {
 }
 
 /// Levels from the one given to four cells a face side.
-fn pyramid(sky: &CellLevel) -> Vec<Level> {
-    let finest = sky.cells.iter().enumerate().map(|(index, cell)| {
-        let area = to_f64(cell.centre) * sky.solid_angles[index % sky.solid_angles.len()];
-        let light = to_f64(cell.centroid) * sky.solid_angles[index % sky.solid_angles.len()];
+fn pyramid(sky: &CellLevel<'_>) -> Vec<Level> {
+    let finest = (0..sky.len()).map(|index| {
+        let (cell, angle) = (sky.cell(index), sky.solid_angle(index));
+        let area = to_f64(cell.centre) * angle;
+        let light = to_f64(cell.centroid) * angle;
         let radiance = to_f64(cell.radiance);
         Moment {
             centre: to_f64(cell.centre).normalize(),

@@ -26,6 +26,7 @@ mod verify;
 use std::time::Instant;
 
 pub use brdf_lut::brdf_lut;
+pub(crate) use cubemap::texel_at;
 pub use cubemap::{Cube, HALF_MAX, face_direction, level_to_rgba16f};
 pub use equirect::Equirect;
 pub use importance::ImportanceTable;
@@ -254,7 +255,7 @@ fn levels_between(large: u32, small: u32) -> usize {
 }
 
 /// The level that diffuse light sums.
-fn summed(cells: &[cells::CellLevel]) -> &cells::CellLevel {
+fn summed<'a, 'b>(cells: &'b [cells::CellLevel<'a>]) -> &'b cells::CellLevel<'a> {
     cells
         .iter()
         .find(|level| level.size >= IRRADIANCE_CELLS)
@@ -281,7 +282,7 @@ impl Baker<'_> {
         cube
     }
 
-    fn irradiance(&mut self, cells: &[cells::CellLevel], size: u32) -> Cube {
+    fn irradiance(&mut self, cells: &[cells::CellLevel<'_>], size: u32) -> Cube {
         let start = Instant::now();
         let texels = irradiance::irradiance(summed(cells), size);
         let seconds = start.elapsed().as_secs_f64();
@@ -289,7 +290,7 @@ impl Baker<'_> {
         Cube::single(size, texels)
     }
 
-    fn harmonics(&mut self, cells: &[cells::CellLevel], irradiance: &Cube) -> [[f32; 3]; 9] {
+    fn harmonics(&mut self, cells: &[cells::CellLevel<'_>], irradiance: &Cube) -> [[f32; 3]; 9] {
         let start = Instant::now();
         let harmonics = harmonics::project(summed(cells));
         let seconds = start.elapsed().as_secs_f64();
@@ -323,7 +324,7 @@ impl Baker<'_> {
     fn prefiltered(
         &mut self,
         base: &Cube,
-        cells: &[cells::CellLevel],
+        cells: &[cells::CellLevel<'_>],
         sizes: &Sizes,
         progress: &(dyn Fn(&str, f32) + Sync),
     ) -> Cube {
