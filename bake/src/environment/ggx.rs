@@ -52,6 +52,7 @@ pub(super) fn mean_lobe_weight(distance_squared: f32, spread: f32, alpha_squared
 }
 
 /// Height-correlated Smith visibility `G2 / (4 n.l n.v)`.
+#[cfg(test)]
 pub(super) fn smith_visibility(n_dot_l: f64, n_dot_v: f64, alpha: f64) -> f64 {
     let a2 = alpha * alpha;
     let view = n_dot_l * (n_dot_v * n_dot_v * (1.0 - a2) + a2).sqrt();

@@ -1,5 +1,6 @@
 //! Bakes an equirectangular sky into the cube maps of image-based light.
 
+pub mod bench;
 mod brdf_lut;
 mod cells;
 mod cubemap;
@@ -32,9 +33,10 @@ pub use equirect::Equirect;
 pub use importance::ImportanceTable;
 pub use prefilter::level_roughness;
 pub use sun::{ExtractedSun, SunMode};
+pub use verify::Kernel;
 
 use equirect::Rows;
-use verify::{Kernel, Oracle};
+use verify::Oracle;
 
 /// Finest level the lobe and cosine integrals read; finer skies are averaged to it.
 const LARGEST_CELL_LEVEL: u32 = 512;

@@ -11,8 +11,8 @@ use super::verify::probe_texels;
 
 /// Cell sides allowed relative to the lobe's local scale `sqrt(angle^2 + (2 alpha)^2)`, coarsest first; the last ones
 /// are but the truth that others are tried against.
-const CUTS: [f64; 14] = [
-    1.6, 1.13, 0.8, 0.56, 0.4, 0.28, 0.2, 0.14, 0.1, 0.07, 0.05, 0.035, 0.025, 0.018,
+const CUTS: [f64; 13] = [
+    0.8, 0.56, 0.4, 0.28, 0.2, 0.14, 0.1, 0.07, 0.05, 0.035, 0.025, 0.018, 0.0125,
 ];
 /// Places in [`CUTS`] from a cut to the one that is its truth: about a third of it, with a hundredth of its error.
 const TRUTH: usize = 3;
