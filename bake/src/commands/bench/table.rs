@@ -210,7 +210,7 @@ mod tests {
             (Some(20.0), Some(20.0))
         );
         assert_eq!((found[1].quicker, found[1].closer), (None, None));
-        let text = text(&[sky.clone()], Spent::default());
+        let text = text(std::slice::from_ref(&sky), Spent::default());
         assert!(text.contains("| s | fast, x | - | - |"), "{text}");
         assert!(json(&[sky], Spent::default()).contains("\"quicker\":20.0"));
     }
