@@ -89,6 +89,8 @@ codes! {
         => "Nothing, if the default pose is what you want; else pose the scene before the export.";
     Error "attribute-count": "Attributes of one primitive must have a value for each vertex."
         => EXPORT;
+    Error "basisu-failed": "The program basisu, beside which the encoders are measured, failed."
+        => "Install another version, or leave it out of PATH.";
     Error "buffer-too-short": "The file that holds the data ends before the data does: it was cut."
         => "Copy or download the file again, or export again.";
     Error "buffer-view-out-of-range": "The buffer view would read beyond its buffer."
@@ -157,8 +159,14 @@ codes! {
         => EXPORT;
     Warning "instancing-empty": "The node places a mesh no times at all, so it is not seen."
         => "Nothing, if that is meant.";
+    Error "invalid-node": "An instance names a mesh, camera or light that does not exist."
+        => "Give the library's scene valid indices; from a glTF file this is a bug of the bake.";
+    Error "invalid-primitive": "A primitive contradicts itself: an index beyond its vertices, or attributes of other lengths."
+        => "Give the library's scene consistent arrays; from a glTF file this is a bug of the bake.";
     Error "io": "The operating system refused to read or write a file."
         => "See the system's message: rights, space, or a folder that does not exist.";
+    Error "json": "A file that should be a summary of a bake is none."
+        => "Write it with cairn-bake --json.";
     Error "json-syntax": "The text is no JSON."
         => "Correct the place that the message names, or export again.";
     Warning "light-cone": "The cone of a spot light is not one that light can have; it is corrected."
@@ -173,12 +181,16 @@ codes! {
         => "Correct the light in the scene's editor.";
     Error "material-alpha-mode": "The alpha mode is none of OPAQUE, MASK and BLEND."
         => EXPORT;
+    Warning "material-value": "A material's number lies outside its range and is clamped."
+        => "Correct the material in the scene's editor.";
     Error "meshopt": "The compressed data cannot be decoded."
         => "Export without meshopt compression, or with another version of it.";
     Warning "morph-target-static": "Morph targets are applied once, with the default weights."
         => "Nothing, if the default shape is what you want.";
     Error "morph-weight": "A morph target's weight is no number."
         => EXPORT;
+    Error "no-such-object": "The package has no such texture, mesh or cube."
+        => "List its content with cairn-bake inspect.";
     Error "node-cycle": "A node is its own ancestor, so it has no place in the world."
         => EXPORT;
     Warning "node-matrix-projective": "The last row of a node's matrix is not 0 0 0 1; it is taken as if it were."
@@ -187,12 +199,20 @@ codes! {
         => EXPORT;
     Warning "node-transform": "A node has a matrix and a translation, rotation or scale beside it; the matrix counts."
         => EXPORT;
+    Error "non-finite-attribute": "A vertex attribute is no finite number."
+        => EXPORT;
+    Error "non-finite-camera": "A camera's place or numbers are not finite."
+        => EXPORT;
+    Error "non-finite-light": "A light's place or direction is not finite."
+        => EXPORT;
     Error "non-finite-transform": "A transform is not finite, so what it moves has no place."
         => EXPORT;
     Error "not-gltf": "The file is something else than glTF."
         => "Export the scene as glTF 2.0: .gltf or .glb.";
     Error "number-range": "A number is too large for 32 bits, the precision that glTF has."
         => EXPORT;
+    Error "output-format": "The output's extension is none that this kind of object is written as."
+        => "Use an extension that the message names.";
     Error "output-is-input": "The output would overwrite an input."
         => "Choose another -o.";
     Error "package": "The finished package broke a rule of its own format: a bug of the bake."
@@ -227,6 +247,10 @@ codes! {
         => "Ask for less, or store the image without compression.";
     Warning "texture-transform": "The transform of a texture is not finite or belongs to a slot that has none; it is left out."
         => EXPORT;
+    Warning "texture-without-source": "A texture without an image shows white."
+        => "Export again with the image; or name an extension that holds it.";
+    Error "too-large": "Counts or offsets do not fit the 32 bits that the GPU reads."
+        => "Split the scene.";
     Error "uri-absolute": "A scene must not name files by absolute paths: it would read any file of this machine."
         => "Put the file beside the scene; or trust the scene with --allow-external.";
     Error "uri-data": "A data URI cannot be decoded."
@@ -243,6 +267,8 @@ codes! {
         => "Add --twice, or leave the settings away.";
     Warning "vertex-color-ignored": "Vertex colours of this form are not read."
         => "Use COLOR_0 as RGB or RGBA.";
+    Warning "vertex-color-range": "Vertex colours outside 0 to 1 are clamped."
+        => EXPORT;
     Error "world-overflow": "Positions in the world are too large for 32-bit floats."
         => "Scale the scene down.";
 }
