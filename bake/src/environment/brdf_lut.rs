@@ -8,10 +8,12 @@ use super::ggx::{schlick, smith_visibility};
 use super::quadrature::Rule;
 use super::sheen;
 
-/// Smallest power of two whose bilinear interpolation error stays below 1e-3 for `N.V >= 0.05`.
-///
-/// Nearer grazing it grows to 2e-3 at 0.03, 8e-3 at 0.01; below half a texel the lookup clamps.
+/// Smallest power of two whose bilinear interpolation error stays below 1e-3 for `N.V >= 0.05`: it is 3e-4 there, and
+/// 1.1e-3 from 0.01 on.
 pub const DEFAULT_LUT_SIZE: u32 = 128;
+
+/// The least `N.V`, as shading has it.
+const SMALLEST_COSINE: f64 = 1e-4;
 
 /// Below this `alpha` the specular lobe is a mirror to better than 1e-5.
 const SMALLEST_ALPHA: f64 = 1e-6;
@@ -24,7 +26,8 @@ const PANEL: f64 = 1.5;
 
 /// Table of `size * size` texels `[A, B, C, E]`, rows of constant perceptual roughness.
 ///
-/// Texel `(i, j)` is at `N.V = (i + 0.5) / size`, `roughness = (j + 0.5) / size`.
+/// Texel `(i, j)` is at `N.V = (i / (size - 1))^2`, `roughness = j / (size - 1)`: the first and the last row and
+/// column are the ends of the range, where a lookup finds them exactly; the square is finer towards grazing views.
 /// - Specular albedo of the height-correlated Smith GGX BRDF is `F0 * A + B`.
 /// - `C`, the same in every row, is the integral of `(1 - V.H)^5 N.L / pi` over the hemisphere, so
 ///   glTF's diffuse term `(1 - F) / pi` integrates to `(1 - F0) (1 - C)`.
@@ -34,20 +37,21 @@ const PANEL: f64 = 1.5;
 /// Absolute error below 1e-4.
 pub fn brdf_lut(size: u32, sheen: bool) -> Vec<[f32; 4]> {
     let side = size as usize;
-    let at = |index: usize| (index as f64 + 0.5) / f64::from(size);
+    let at = |index: usize| index as f64 / f64::from(size.max(2) - 1);
+    let cosine = |index: usize| (at(index) * at(index)).max(SMALLEST_COSINE);
     let integrator = Integrator::new();
     let rules = sheen::rules();
     let diffuse: Vec<f64> = (0..side)
         .into_par_iter()
-        .map(|x| integrator.diffuse_fresnel(at(x)))
+        .map(|x| integrator.diffuse_fresnel(cosine(x)))
         .collect();
     (0..side * side)
         .into_par_iter()
         .map(|index| {
             let (x, y) = (index % side, index / side);
-            let (scale, bias) = integrator.split_sum(at(x), at(y));
+            let (scale, bias) = integrator.split_sum(cosine(x), at(y));
             let albedo = if sheen {
-                sheen::albedo(&rules, at(x), at(y))
+                sheen::albedo(&rules, cosine(x), at(y))
             } else {
                 0.0
             };
@@ -296,8 +300,7 @@ mod tests {
 
     fn bilinear(table: &[[f32; 4]], size: u32, x: f64, y: f64) -> [f64; 3] {
         let last = f64::from(size) - 1.0;
-        let place = |c: f64| (c * f64::from(size) - 0.5).clamp(0.0, last);
-        let (px, py) = (place(x), place(y));
+        let (px, py) = (x.sqrt() * last, y * last);
         let (ix, iy) = (px as usize, py as usize);
         let next = |i: usize| (i + 1).min(size as usize - 1);
         let at = |i: usize, j: usize, k: usize| f64::from(table[j * size as usize + i][k]);
@@ -309,20 +312,19 @@ mod tests {
         })
     }
 
-    /// Worst bilinear error of `[A, B, C]` for `N.V` in the given range, all roughnesses.
-    fn interpolation_error(size: u32, from: f64, to: f64) -> f64 {
-        let table = brdf_lut(size, false);
+    /// Worst bilinear error of `[A, B, C]` for `N.V` up from `least`, all roughnesses, 1 among them.
+    fn interpolation_error(table: &[[f32; 4]], size: u32, least: f64) -> f64 {
         let integrator = Integrator::new();
         let steps = 80;
-        (0..steps * steps)
+        (0..(steps + 1) * (steps + 1))
             .into_par_iter()
             .map(|index| {
-                let at = |i: usize| (i as f64 + 0.37) / steps as f64;
+                let at = |i: usize| ((i as f64 + 0.37) / steps as f64).min(1.0);
                 // Squared, to look closer where the table bends most.
-                let x = from + (to - from) * at(index % steps) * at(index % steps);
-                let y = at(index / steps);
+                let x = least + (1.0 - least) * at(index % (steps + 1)) * at(index % (steps + 1));
+                let y = at(index / (steps + 1));
                 let (a, b) = integrator.split_sum(x, y);
-                let read = bilinear(&table, size, x, y);
+                let read = bilinear(table, size, x, y);
                 let diffuse = (read[2] - integrator.diffuse_fresnel(x)).abs();
                 (read[0] - a).abs().max((read[1] - b).abs()).max(diffuse)
             })
@@ -331,8 +333,10 @@ mod tests {
 
     #[test]
     fn default_size_is_the_smallest_that_interpolates_within_a_thousandth() {
-        assert!(interpolation_error(DEFAULT_LUT_SIZE, 0.05, 1.0) < 1e-3);
-        assert!(interpolation_error(DEFAULT_LUT_SIZE / 2, 0.05, 1.0) > 1e-3);
-        assert!(interpolation_error(DEFAULT_LUT_SIZE, 0.03, 1.0) < 2e-3);
+        let table = brdf_lut(DEFAULT_LUT_SIZE, false);
+        assert!(interpolation_error(&table, DEFAULT_LUT_SIZE, 0.05) < 5e-4);
+        assert!(interpolation_error(&table, DEFAULT_LUT_SIZE, 0.01) < 1.5e-3);
+        let half = DEFAULT_LUT_SIZE / 2;
+        assert!(interpolation_error(&brdf_lut(half, false), half, 0.05) > 1e-3);
     }
 }

@@ -31,11 +31,12 @@ pub fn table(n_dot_v: f64, roughness: f64) -> [f64; 3] {
     sum.map(|total| total / f64::from(SAMPLES))
 }
 
-/// Rows of the table: N.V along x, roughness along y, at texel centres. The last channel is sheen's albedo.
+/// Rows of the table: the root of N.V along x, roughness along y, from 0 to 1. The last channel is sheen's albedo.
 pub fn table_texels(size: u32) -> Vec<[f32; 4]> {
-    let center = |index: u32| (f64::from(index) + 0.5) / f64::from(size);
+    let place = |index: u32| f64::from(index) / f64::from(size - 1);
     let texels = (0..size * size).map(|index| {
-        let (n_dot_v, roughness) = (center(index % size), center(index / size));
+        let n_dot_v = place(index % size).powi(2).max(1e-4);
+        let roughness = place(index / size);
         let [a, b, c] = table(n_dot_v, roughness);
         [a, b, c, sheen_albedo(n_dot_v, roughness)].map(|value| value as f32)
     });
