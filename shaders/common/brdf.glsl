@@ -11,8 +11,6 @@
 #include "material.glsl"
 #include "options.glsl"
 
-// Perceptual roughness below which a punctual light's highlight would vanish between pixels and D overflow.
-const float MIN_LIGHT_ROUGHNESS = 0.045;
 const float MIN_NDOTV = 1e-4;
 // KHR_materials_clearcoat: an index of refraction of 1.5.
 const float CLEARCOAT_F0 = 0.04;
@@ -127,13 +125,8 @@ vec3 fitted_table(float n_dot_v, float r) {
 
 // A, B, C and the albedo of white sheen of the same roughness (which needs HAS_LUT).
 vec4 brdf_table(float n_dot_v, float roughness) {
-    if (!HAS_LUT) {
-        return vec4(fitted_table(n_dot_v, roughness), 0.0);
-    }
-    // The centres of the outermost texels are the ends of the range; columns are even in the root of N.V.
-    vec2 size = vec2(textureSize(textures[global.brdf_lut_index], 0));
-    vec2 uv = (vec2(sqrt(n_dot_v), roughness) * (size - 1.0) + 0.5) / size;
-    return textureLod(textures[global.brdf_lut_index], uv, 0.0);
+    return HAS_LUT ? textureLod(textures[global.brdf_lut_index], brdf_table_uv(n_dot_v, roughness), 0.0)
+                   : vec4(fitted_table(n_dot_v, roughness), 0.0);
 }
 
 // Fdez-Aguera 2019 in Filament's form: brings the albedo of F0 = 1 to one at every roughness.
