@@ -7,7 +7,7 @@
 use bytemuck::Zeroable;
 
 use crate::record::gpu_record;
-pub use crate::record::{Field, GlslType, Record};
+pub use crate::record::{Field, FileField, FileType, GlslType, Record, RecordLayout};
 pub use crate::tracing::*;
 
 gpu_record! {

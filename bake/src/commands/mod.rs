@@ -1,6 +1,8 @@
 //! What the program can do: one file a command; without a name it bakes.
 
 mod bake;
+mod diff;
+mod extract;
 mod inspect;
 mod shell;
 mod verify;
@@ -40,6 +42,10 @@ pub struct Cli {
 pub enum Command {
     /// Show what is inside a package.
     Inspect(inspect::Inspect),
+    /// Write a texture, a cube or a mesh of a package back out.
+    Extract(extract::Extract),
+    /// Tell two packages apart: sections, meshes, materials, textures, instances.
+    Diff(diff::Diff),
     /// Check a package: every hash, every range, every float.
     Verify(verify::Verify),
     /// Write a shell's completions to standard output.
@@ -72,6 +78,8 @@ impl Command {
     fn run(self) -> Result<u8, BakeError> {
         match self {
             Self::Inspect(args) => args.run(),
+            Self::Extract(args) => args.run(),
+            Self::Diff(args) => args.run(),
             Self::Verify(args) => args.run(),
             Self::Completions(args) => args.run(),
             Self::Man(args) => args.run(),

@@ -1,5 +1,8 @@
 //! `inspect`, `verify`, `diff` and `extract` on packages of our own scenes: what they print, their exit codes.
 
+mod diff;
+mod extract;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
