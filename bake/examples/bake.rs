@@ -16,7 +16,10 @@ struct Stages {
 
 impl Progress for Stages {
     fn update(&self, stage: &str, _fraction: f32) {
-        let mut last = self.last.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut last = self
+            .last
+            .lock()
+            .unwrap_or_else(|poisoned| poisoned.into_inner());
         if *last != stage {
             println!("{stage} ...");
             stage.clone_into(&mut last);
@@ -53,7 +56,10 @@ fn print(summary: &Summary) {
     for diagnostic in &summary.diagnostics {
         println!("{diagnostic}");
     }
-    println!("{} triangles, {} bytes", summary.triangles, summary.package_bytes);
+    println!(
+        "{} triangles, {} bytes",
+        summary.triangles, summary.package_bytes
+    );
     for row in &summary.report {
         println!("{} {}: {} {}", row.stage, row.item, row.error, row.metric);
     }

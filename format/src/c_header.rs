@@ -14,7 +14,7 @@ use crate::texture::TextureFormat;
 const INTRO: &str = "/* cairn.h: the layout of a Cairn package, for C11 and C++11. Generated from cairn-format's records;\n \
     * `UPDATE_GOLDEN=1 cargo test -p cairn-format reference` writes it anew. Described in docs/format.md.\n \
     * Everything is little-endian. Nothing here checks a file: offsets, lengths and hashes are the reader's duty. */\n\
-    #ifndef CAIRN_H\n#define CAIRN_H\n\n#include <stddef.h>\n#include <stdint.h>\n#include <string.h>\n\n\
+    #ifndef CAIRN_H\n#define CAIRN_H\n\n#include <stddef.h>\n#include <stdint.h>\n\n\
     #ifdef __cplusplus\n#define CAIRN_ASSERT(condition) static_assert(condition, #condition)\n#else\n\
     #define CAIRN_ASSERT(condition) _Static_assert(condition, #condition)\n#endif\n\n";
 
@@ -26,8 +26,12 @@ typedef struct CairnList {
 CAIRN_ASSERT(sizeof(CairnList) == 16);
 
 /* A text in UTF-8: read with cairn_text. */
-typedef struct CairnString {
+typedef union CairnString {
     uint8_t bytes[16];
+    struct {
+        uint64_t length;
+        int64_t offset;
+    } outside;
 } CairnString;
 CAIRN_ASSERT(sizeof(CairnString) == 16);
 
@@ -39,8 +43,7 @@ static inline const void *cairn_items(const CairnList *list) {
 /* Bytes of a text, and their number; they do not end with zero. Up to 16 bytes lie in the field itself, the rest of it
  * filled with 0xff; the first byte of a longer one, which no text begins with, has the form 10xxxxxx. */
 static inline const char *cairn_text(const CairnString *text, size_t *length) {
-    uint64_t stored;
-    int64_t offset;
+    const uint64_t stored = text->outside.length;
     if ((text->bytes[0] & 0xc0) != 0x80) {
         *length = 0;
         while (*length < 16 && text->bytes[*length] != 0xff) {
@@ -48,10 +51,8 @@ static inline const char *cairn_text(const CairnString *text, size_t *length) {
         }
         return (const char *)text->bytes;
     }
-    memcpy(&stored, text->bytes, 8);
-    memcpy(&offset, text->bytes + 8, 8);
     *length = (size_t)((stored & 0x3f) | (stored & ~(uint64_t)0xff) >> 2);
-    return (const char *)text->bytes + offset;
+    return (const char *)text + text->outside.offset;
 }
 
 ";

@@ -4,6 +4,7 @@ mod bake;
 mod diff;
 mod extract;
 mod inspect;
+mod report;
 mod shell;
 mod verify;
 
@@ -46,6 +47,8 @@ pub enum Command {
     Extract(extract::Extract),
     /// Tell two packages apart: sections, meshes, materials, textures, instances.
     Diff(diff::Diff),
+    /// Write one page about a package: picture, sizes, times, errors, textures.
+    Report(report::Report),
     /// Check a package: every hash, every range, every float.
     Verify(verify::Verify),
     /// Write a shell's completions to standard output.
@@ -80,6 +83,7 @@ impl Command {
             Self::Inspect(args) => args.run(),
             Self::Extract(args) => args.run(),
             Self::Diff(args) => args.run(),
+            Self::Report(args) => args.run(),
             Self::Verify(args) => args.run(),
             Self::Completions(args) => args.run(),
             Self::Man(args) => args.run(),

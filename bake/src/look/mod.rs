@@ -8,6 +8,7 @@ pub mod export;
 mod fields;
 mod mesh;
 mod nearest;
+mod page;
 mod picture;
 mod text;
 
@@ -30,7 +31,8 @@ pub use difference::{
 };
 pub use fields::record_values;
 pub use mesh::{MeshView, PrimitiveView, mesh, meshes};
-pub use picture::{Picture, thumbnail};
+pub use page::{Extras, page};
+pub use picture::{Picture, level_picture, thumbnail};
 pub use text::{bytes_text, hex, number, printable};
 
 /// Opens a package; errors name the file.

@@ -51,23 +51,17 @@ fn pictures_show_what_shaders_read() {
         .expect("the source")
         .to_rgba8();
     assert_eq!(png.dimensions(), source.dimensions());
-    let squares: f64 = png
-        .as_raw()
-        .iter()
-        .zip(source.as_raw())
-        .map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2))
-        .sum();
-    let rows = package.scene().report.iter();
-    let row = rows
-        .clone()
-        .find(|row| row.item == "leaf" && row.metric == "psnr dB")
-        .expect("the report");
-    let psnr = 10.0 * (255.0 * 255.0 * png.as_raw().len() as f64 / squares).log10();
-    let stated = row.error.to_native();
-    assert!(
-        (psnr - stated).abs() < 0.05,
-        "{psnr} dB, but the report says {stated}"
-    );
+    // Colour that nobody sees may differ: it is taken from its surroundings.
+    let seen = png.pixels().zip(source.pixels()).filter(|(_, source)| source.0[3] > 0);
+    let differences: Vec<f64> = seen
+        .flat_map(|(a, b)| [0, 1, 2, 3].map(|c| f64::from(a.0[c]) - f64::from(b.0[c])))
+        .collect();
+    let squares: f64 = differences.iter().map(|difference| difference * difference).sum();
+    let psnr = 10.0 * (255.0 * 255.0 * differences.len() as f64 / squares).log10();
+    assert!(differences.len() > 4000 && psnr > 36.0, "{psnr} dB of {}", differences.len());
+    let plane = look::layer(&package.scene().images[0], package.texels().expect("texels"), 0, 0);
+    let codes = plane.texels.as_flattened().iter().map(|value| (value * 255.0).round() as u8);
+    assert!(codes.eq(png.as_raw().iter().copied()));
 
     let small = extracted(&file, &["--texture", "#0", "--level", "3"], "small.png");
     let small = image::load_from_memory(&small).expect("a PNG");
@@ -125,10 +119,9 @@ fn surfaces_hold_the_stored_blocks() {
         let (format, model) = match image.format.native() {
             TextureFormat::Bc7Srgb => (ktx2::Format::BC7_SRGB_BLOCK, ktx2::ColorModel::BC7),
             TextureFormat::Bc7Unorm => (ktx2::Format::BC7_UNORM_BLOCK, ktx2::ColorModel::BC7),
-            TextureFormat::Rgba16Float => (
-                ktx2::Format::R16G16B16A16_SFLOAT,
-                ktx2::ColorModel::RGBSDA,
-            ),
+            TextureFormat::Rgba16Float => {
+                (ktx2::Format::R16G16B16A16_SFLOAT, ktx2::ColorModel::RGBSDA)
+            }
             _ => (ktx2::Format::BC5_UNORM_BLOCK, ktx2::ColorModel::BC5),
         };
         assert_eq!(

@@ -2,6 +2,7 @@
 
 mod diff;
 mod extract;
+mod report;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

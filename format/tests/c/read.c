@@ -1,6 +1,7 @@
 /* Reads a package with cairn.h alone: prints its sections, and what the root and a few records say. */
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "cairn.h"
 
