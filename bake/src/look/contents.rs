@@ -144,7 +144,9 @@ impl ErrorRow {
     /// The metric without its level, and the level, of a metric such as `alpha coverage delta, mip 3, one texel`.
     pub fn level(&self) -> Option<(&str, &str)> {
         let (metric, level) = self.metric.split_once(", mip ")?;
-        level.starts_with(|digit: char| digit.is_ascii_digit()).then_some((metric, level))
+        level
+            .starts_with(|digit: char| digit.is_ascii_digit())
+            .then_some((metric, level))
     }
 }
 

@@ -52,15 +52,34 @@ fn pictures_show_what_shaders_read() {
         .to_rgba8();
     assert_eq!(png.dimensions(), source.dimensions());
     // Colour that nobody sees may differ: it is taken from its surroundings.
-    let seen = png.pixels().zip(source.pixels()).filter(|(_, source)| source.0[3] > 0);
+    let seen = png
+        .pixels()
+        .zip(source.pixels())
+        .filter(|(_, source)| source.0[3] > 0);
     let differences: Vec<f64> = seen
         .flat_map(|(a, b)| [0, 1, 2, 3].map(|c| f64::from(a.0[c]) - f64::from(b.0[c])))
         .collect();
-    let squares: f64 = differences.iter().map(|difference| difference * difference).sum();
+    let squares: f64 = differences
+        .iter()
+        .map(|difference| difference * difference)
+        .sum();
     let psnr = 10.0 * (255.0 * 255.0 * differences.len() as f64 / squares).log10();
-    assert!(differences.len() > 4000 && psnr > 36.0, "{psnr} dB of {}", differences.len());
-    let plane = look::layer(&package.scene().images[0], package.texels().expect("texels"), 0, 0);
-    let codes = plane.texels.as_flattened().iter().map(|value| (value * 255.0).round() as u8);
+    assert!(
+        differences.len() > 4000 && psnr > 36.0,
+        "{psnr} dB of {}",
+        differences.len()
+    );
+    let plane = look::layer(
+        &package.scene().images[0],
+        package.texels().expect("texels"),
+        0,
+        0,
+    );
+    let codes = plane
+        .texels
+        .as_flattened()
+        .iter()
+        .map(|value| (value * 255.0).round() as u8);
     assert!(codes.eq(png.as_raw().iter().copied()));
 
     let small = extracted(&file, &["--texture", "#0", "--level", "3"], "small.png");

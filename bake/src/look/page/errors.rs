@@ -53,7 +53,10 @@ pub(super) fn write(out: &mut String, contents: &Contents) {
 fn by_object(row: &ErrorRow) -> ErrorRow {
     let mut row = row.clone();
     if let Some((metric, level)) = row.level() {
-        let (metric, item) = (format!("{metric}, each mip"), format!("{} mip {level}", row.item));
+        let (metric, item) = (
+            format!("{metric}, each mip"),
+            format!("{} mip {level}", row.item),
+        );
         (row.metric, row.item) = (metric, item);
     }
     row
@@ -80,7 +83,11 @@ fn plot(out: &mut String, metric: &str, rows: &[&ErrorRow]) {
         let _ = writeln!(out, "<p class=\"soft\">{lossless} without any error.</p>");
     }
     rows.sort_by(|a, b| {
-        if higher { a.error.total_cmp(&b.error) } else { b.error.abs().total_cmp(&a.error.abs()) }
+        if higher {
+            a.error.total_cmp(&b.error)
+        } else {
+            b.error.abs().total_cmp(&a.error.abs())
+        }
     });
     if rows.len() > 2 {
         strip(out, &rows);

@@ -80,7 +80,7 @@ pub(super) fn write(out: &mut String, package: &Package, contents: &Contents) ->
 /// The largest of many cells, and one for all others.
 fn largest(cells: impl Iterator<Item = Cell>, others: &str) -> Vec<Cell> {
     let mut cells: Vec<Cell> = cells.collect();
-    cells.sort_by(|a, b| b.bytes.cmp(&a.bytes));
+    cells.sort_by_key(|cell| std::cmp::Reverse(cell.bytes));
     if cells.len() > BOXES {
         let color = cells[BOXES].color;
         let bytes = cells.drain(BOXES..).map(|cell| cell.bytes).sum();
