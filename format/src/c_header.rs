@@ -12,7 +12,7 @@ use crate::section::SectionKind;
 use crate::texture::TextureFormat;
 
 const INTRO: &str = "/* cairn.h: the layout of a Cairn package, for C11 and C++11. Generated from cairn-format's records;\n \
-    * `UPDATE_GOLDEN=1 cargo test -p cairn-format reference` writes it anew. Described in docs/format.md.\n \
+    * `UPDATE_GOLDEN=1 cargo test -p cairn-format --test reference` writes it anew. Described in docs/format.md.\n \
     * Everything is little-endian. Nothing here checks a file: offsets, lengths and hashes are the reader's duty. */\n\
     #ifndef CAIRN_H\n#define CAIRN_H\n\n#include <stddef.h>\n#include <stdint.h>\n\n\
     #ifdef __cplusplus\n#define CAIRN_ASSERT(condition) static_assert(condition, #condition)\n#else\n\

@@ -1,6 +1,6 @@
 //! `docs/format.md` and `include/cairn.h` are those of the code, and a C program reads a package by them.
 //!
-//! `UPDATE_GOLDEN=1 cargo test -p cairn-format reference` writes both anew.
+//! `UPDATE_GOLDEN=1 cargo test -p cairn-format --test reference` writes both anew.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -74,12 +74,14 @@ fn the_header_is_that_of_the_code() {
     fresh(&root("include/cairn.h"), &c_header::cairn_h());
 }
 
-/// Compiles `source` as `language`; `None`, loudly, where there is no compiler.
+/// Compiles a program that includes cairn.h; `None`, loudly, where there is no compiler.
 fn compile(compiler: &str, arguments: &[&str], output: &Path) -> Option<()> {
+    let include = tempfile::tempdir().expect("a folder");
+    std::fs::write(include.path().join("cairn.h"), c_header::cairn_h()).expect("a file");
     let done = Command::new(compiler)
         .args(arguments)
         .args(["-Wall", "-Wextra", "-Werror", "-I"])
-        .arg(root("include"))
+        .arg(include.path())
         .arg("-o")
         .arg(output)
         .output();
@@ -204,4 +206,40 @@ fn the_header_is_also_cpp() {
     std::fs::write(&source, "#include \"cairn.h\"\nint main() { return 0; }\n").expect("a file");
     let source = source.to_str().expect("a UTF-8 path");
     let _ = compile("c++", &["-std=c++11", source], &folder.path().join("empty"));
+}
+
+/// The example, where cargo built it beside this test.
+#[test]
+fn the_example_lists_what_is_drawn() {
+    let test = std::env::current_exe().expect("this test");
+    let name = format!("read{}", std::env::consts::EXE_SUFFIX);
+    let example = test
+        .ancestors()
+        .nth(2)
+        .map(|folder| folder.join("examples").join(name));
+    let Some(example) = example.filter(|file| file.is_file()) else {
+        eprintln!("SKIPPED: the example is not built");
+        return;
+    };
+    let done = Command::new(&example)
+        .arg(golden())
+        .output()
+        .expect("the example runs");
+    let printed = String::from_utf8(done.stdout).expect("UTF-8");
+    assert!(done.status.success());
+    for line in [
+        "upload vertices: 168 bytes",
+        "upload two texels level 1: 4 bytes of Rgba8Srgb",
+        "draw 1 triangles from index 0, vertex offset 0, 1 instances, base colour [1.0, 1.0, 1.0, 1.0], two texels",
+    ] {
+        assert!(
+            printed.lines().any(|printed| printed == line),
+            "`{line}` in {printed}"
+        );
+    }
+    let refused = Command::new(&example)
+        .arg(root("Cargo.toml"))
+        .output()
+        .expect("the example runs");
+    assert_eq!(refused.status.code(), Some(2));
 }

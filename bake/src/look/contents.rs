@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::fields::{float, record_values};
-use super::hex;
+use crate::pipeline::hex;
 
 /// Everything but bulk data.
 #[derive(Clone, Debug, PartialEq, Serialize)]

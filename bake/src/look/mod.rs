@@ -33,7 +33,7 @@ pub use fields::record_values;
 pub use mesh::{MeshView, PrimitiveView, mesh, meshes};
 pub use page::{Extras, page};
 pub use picture::{Picture, level_picture, thumbnail};
-pub use text::{bytes_text, hex, number, printable};
+pub use text::{bytes_text, number, printable};
 
 /// Opens a package; errors name the file.
 ///
