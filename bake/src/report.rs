@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::cache;
 use crate::diagnostic::Diagnostic;
 use crate::label::{Interned, Label};
+use crate::look::{bytes_text as bytes, number};
 use crate::prepare::{GeometryStats, StepTime};
 
 /// One row of the speed-against-error report.

@@ -1,5 +1,5 @@
 /* cairn.h: the layout of a Cairn package, for C11 and C++11. Generated from cairn-format's records;
- * `UPDATE_GOLDEN=1 cargo test -p cairn-format reference` writes it anew. Described in docs/format.md.
+ * `UPDATE_GOLDEN=1 cargo test -p cairn-format --test reference` writes it anew. Described in docs/format.md.
  * Everything is little-endian. Nothing here checks a file: offsets, lengths and hashes are the reader's duty. */
 #ifndef CAIRN_H
 #define CAIRN_H
@@ -89,6 +89,7 @@
 #define CAIRN_FEATURE_SHADOWS 0x1u
 #define CAIRN_FEATURE_AO 0x2u
 #define CAIRN_FEATURE_CONTACT_SHADOWS 0x4u
+#define CAIRN_BRDF_TABLE_SIZE 0x40u
 
 typedef struct CairnHeader {
     uint8_t magic[8];

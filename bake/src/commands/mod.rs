@@ -1,6 +1,7 @@
 //! What the program can do: one file a command; without a name it bakes.
 
 mod bake;
+mod bench;
 mod cache;
 mod diff;
 mod extract;
@@ -58,6 +59,8 @@ pub enum Command {
     Report(report::Report),
     /// Check a package: every hash, every range, every float.
     Verify(verify::Verify),
+    /// Measure time against error of a stage, beside other tools.
+    Bench(bench::Bench),
     /// Write a shell's completions to standard output.
     Completions(shell::Completions),
     /// Write the manual pages into a folder.
@@ -93,6 +96,7 @@ impl Command {
             Self::Diff(args) => args.run(),
             Self::Report(args) => args.run(),
             Self::Verify(args) => args.run(),
+            Self::Bench(args) => args.run(),
             Self::Completions(args) => args.run(),
             Self::Man(args) => args.run(),
         }
