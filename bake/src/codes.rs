@@ -89,8 +89,6 @@ codes! {
         => "Nothing, if the default pose is what you want; else pose the scene before the export.";
     Error "attribute-count": "Attributes of one primitive must have a value for each vertex."
         => EXPORT;
-    Error "basisu-failed": "The program basisu, beside which the encoders are measured, failed."
-        => "Install another version, or leave it out of PATH.";
     Error "buffer-too-short": "The file that holds the data ends before the data does: it was cut."
         => "Copy or download the file again, or export again.";
     Error "buffer-view-out-of-range": "The buffer view would read beyond its buffer."
