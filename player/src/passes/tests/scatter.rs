@@ -529,14 +529,14 @@ fn densities_are_those_of_the_samples() {
             "{name}: {total} expected above the horizon, {above} found"
         );
         let mut statistic = 0.0;
-        let mut freedom = 0.0;
+        let mut freedom = 0.0_f64;
         for (expected, found) in expected.iter().zip(&found) {
             if *expected >= 20.0 {
                 statistic += (found - expected).powi(2) / expected;
                 freedom += 1.0;
             }
         }
-        let limit = freedom + 5.0 * (2.0 * freedom as f64).sqrt();
+        let limit = freedom + 5.0 * f64::sqrt(2.0 * freedom);
         println!("{name}: chi-squared {statistic:.0} of {freedom} parts, below {limit:.0}");
         assert!(
             freedom > 20.0 && statistic < limit,
