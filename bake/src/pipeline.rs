@@ -26,8 +26,11 @@ use crate::{emitters, rebake, write};
 /// What to bake, and how.
 #[derive(Clone, Debug)]
 pub struct Options {
+    /// The scene: .gltf or .glb.
     pub input: PathBuf,
+    /// An equirectangular panorama, .hdr or .exr.
     pub environment: Option<PathBuf>,
+    /// The package to write: whole or not at all.
     pub output: PathBuf,
     /// Effort, mip filter and kernels of the texture encoders.
     pub textures: EncodeOptions,

@@ -11,8 +11,11 @@ use crate::environment::texel_at;
 /// 8-bit sRGB with straight alpha, rows from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
+    /// Texels.
     pub width: u32,
+    /// Texels.
     pub height: u32,
+    /// Red, green, blue, alpha.
     pub texels: Vec<[u8; 4]>,
 }
 
