@@ -35,7 +35,7 @@ use crate::diagnostic::Result;
 use crate::scene::{Material, Mesh, Scene};
 
 pub use environment::{EnvironmentImage, ReplacedTexels, load_environment};
-pub use image::{DecodedImage, decode_image};
+pub use image::{DecodedImage, ImageHeader, decode_image, image_header};
 
 use context::Context;
 use node::Placed;
