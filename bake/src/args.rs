@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::encode::{Quality, SkyFormat};
+use crate::encode::{Effort, EncodeOptions, Kernels, MipFilter, SkyFormat};
 use crate::environment::{EnvironmentOptions, SunMode};
 use crate::pipeline::DEFAULT_LIMIT_PIXELS;
 
@@ -17,9 +17,16 @@ pub struct Args {
     /// The package to write.
     #[arg(long, short, value_name = "OUT.cairn")]
     pub output: PathBuf,
-    /// Effort of the texture encoders.
-    #[arg(long, value_enum, default_value = "default")]
-    pub texture_quality: TextureQuality,
+    /// Effort of the texture encoders: fast, default, best, or the least PSNR of level 0, such as 42dB, for which
+    /// each texture gets the cheapest preset that reaches it.
+    #[arg(long, value_name = "EFFORT", default_value_t)]
+    pub texture_quality: Effort,
+    /// How mips are made.
+    #[arg(long, value_enum, default_value = "kaiser")]
+    pub mip_filter: MipFilter,
+    /// Encode with this machine's instruction set; the bytes then depend on the machine, and the package says so.
+    #[arg(long)]
+    pub native_isa: bool,
     /// What becomes of the environment's sun.
     #[arg(long, value_enum, default_value = "auto")]
     pub sun: Sun,
@@ -83,6 +90,19 @@ impl IblQuality {
 }
 
 impl Args {
+    /// Options of the texture encoders.
+    pub fn textures(&self) -> EncodeOptions {
+        EncodeOptions {
+            effort: self.texture_quality,
+            filter: self.mip_filter,
+            kernels: if self.native_isa {
+                Kernels::Native
+            } else {
+                Kernels::Reproducible
+            },
+        }
+    }
+
     /// Options of image-based light.
     pub fn light(&self) -> EnvironmentOptions {
         EnvironmentOptions {
@@ -107,23 +127,5 @@ fn percent(text: &str) -> Result<f64, String> {
         Ok(number / 100.0)
     } else {
         Err("must be above 0 and at most 100".into())
-    }
-}
-
-/// Encoder presets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum TextureQuality {
-    Fast,
-    Default,
-    Best,
-}
-
-impl From<TextureQuality> for Quality {
-    fn from(quality: TextureQuality) -> Self {
-        match quality {
-            TextureQuality::Fast => Self::Fast,
-            TextureQuality::Default => Self::Default,
-            TextureQuality::Best => Self::Best,
-        }
     }
 }

@@ -9,6 +9,7 @@ pub mod encode;
 pub mod environment;
 pub mod import;
 pub mod label;
+pub mod look;
 pub mod materials;
 pub mod pipeline;
 pub mod prepare;

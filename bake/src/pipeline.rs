@@ -10,7 +10,7 @@ use cairn_format::scene::{
 use cairn_format::{SectionKind, Writer, features};
 
 use crate::diagnostic::{BakeError, Result};
-use crate::encode::{EncodeOptions, Kernels, Quality, SkyFormat};
+use crate::encode::{EncodeOptions, SkyFormat};
 use crate::environment::EnvironmentOptions;
 use crate::import::{EnvironmentImage, import, load_environment};
 use crate::materials::{self, Plan};
@@ -27,7 +27,8 @@ pub struct Options {
     pub input: PathBuf,
     pub environment: Option<PathBuf>,
     pub output: PathBuf,
-    pub texture_quality: Quality,
+    /// Effort, mip filter and kernels of the texture encoders.
+    pub textures: EncodeOptions,
     /// Sizes, sun and error bound of image-based light.
     pub light: EnvironmentOptions,
     /// Storage of the sky and of the prefiltered cube.
@@ -43,7 +44,7 @@ impl Options {
             input: input.into(),
             environment: None,
             output: output.into(),
-            texture_quality: Quality::default(),
+            textures: EncodeOptions::default(),
             light: EnvironmentOptions::default(),
             sky_format: SkyFormat::default(),
             limit_pixels: DEFAULT_LIMIT_PIXELS,
@@ -78,23 +79,17 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     let geometry_seconds = clock.lap("geometry");
 
     let plan = materials::plan(&scene, &prepared.materials_used);
-    let encoding = EncodeOptions {
-        quality: options.texture_quality,
-        kernels: Kernels::Reproducible,
-        ..EncodeOptions::default()
-    };
     let encoded = textures::encode_all(
         &scene,
         &plan,
-        &encoding,
+        &options.textures,
         options.limit_pixels,
         &|fraction| {
             progress.update("textures", fraction);
         },
     )?;
     let mut texels = Texels::default();
-    let preset = format!("{:?}", options.texture_quality).to_lowercase();
-    let stored = textures::store(&mut texels, &scene, &plan, &encoded, &preset);
+    let stored = textures::store(&mut texels, &scene, &plan, &encoded);
     drop(encoded);
     clock.lap("textures");
 
@@ -144,6 +139,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
             .map(|image| image.diagnostics)
             .unwrap_or_default(),
     );
+    summary.diagnostics.extend(texels.diagnostics);
     summary.report.extend(texels.report);
     summary.package_bytes = package_bytes;
     summary.content_hash = hex(&content_hash);
@@ -384,22 +380,22 @@ fn provenance(
     }));
     Provenance {
         tool: tool(),
-        settings: vec![setting(
-            "texture-quality",
-            format!("{:?}", options.texture_quality).to_lowercase(),
-        )]
-        .into_iter()
-        .chain(environment.into_iter().flat_map(|_| {
-            [
-                setting(
-                    "sky-format",
-                    format!("{:?}", options.sky_format).to_lowercase(),
-                ),
-                setting("sun", format!("{:?}", options.light.sun).to_lowercase()),
-                setting("ibl-error", options.light.error.to_string()),
-            ]
-        }))
-        .collect(),
+        settings: options
+            .textures
+            .provenance()
+            .into_iter()
+            .map(|(name, value)| setting(name, value))
+            .chain(environment.into_iter().flat_map(|_| {
+                [
+                    setting(
+                        "sky-format",
+                        format!("{:?}", options.sky_format).to_lowercase(),
+                    ),
+                    setting("sun", format!("{:?}", options.light.sun).to_lowercase()),
+                    setting("ibl-error", options.light.error.to_string()),
+                ]
+            }))
+            .collect(),
         sources,
     }
 }

@@ -7,7 +7,7 @@ use cairn_format::header::{ALIGNMENT, align_up};
 use cairn_format::scene::{IDENTITY_SWIZZLE, Image, ImageRole, Level, Swizzle};
 use rayon::prelude::*;
 
-use crate::diagnostic::Result;
+use crate::diagnostic::{Diagnostic, Result};
 use crate::encode::{
     AlphaUse, EncodeOptions, EncodedTexture, Role, Source, TextureReport, encode, is_opaque,
 };
@@ -22,6 +22,7 @@ pub struct Texels {
     pub images: Vec<Image>,
     pub bytes: Vec<u8>,
     pub report: Vec<Row>,
+    pub diagnostics: Vec<Diagnostic>,
 }
 
 /// What an image is, apart from its levels.
@@ -109,7 +110,6 @@ pub fn store(
     scene: &Scene,
     plan: &Plan,
     encoded: &[EncodedTexture],
-    preset: &str,
 ) -> Vec<u32> {
     let mut stored: Vec<u32> = Vec::with_capacity(encoded.len());
     for (index, (texture, wanted)) in encoded.iter().zip(&plan.images).enumerate() {
@@ -139,41 +139,72 @@ pub fn store(
         };
         stored.push(texels.push(&info, texture.levels.iter().map(Vec::as_slice)));
         let bytes = texture.levels.iter().map(|level| level.len() as u64).sum();
-        let rows = rows(name, texture, preset, bytes);
-        texels.report.extend(rows);
+        texels.report.extend(rows(name, texture, bytes));
+        if let Some(lacks) = texture.report.missed_db {
+            let message = format!(
+                "image `{name}` as {:?} reaches {:.2} dB, {lacks:.2} less than --texture-quality asks for; \
+                 the best preset is stored",
+                texture.format, texture.report.psnr_db
+            );
+            let origin = &scene.images[wanted.image as usize].origin;
+            let warning = Diagnostic::warning("texture-quality-missed", origin, message);
+            texels.diagnostics.push(warning);
+        }
     }
     stored
 }
 
-fn rows(name: &str, texture: &EncodedTexture, preset: &str, bytes: u64) -> Vec<Row> {
+/// The rows of one image in the speed-against-error report.
+fn rows(name: &str, texture: &EncodedTexture, bytes: u64) -> Vec<Row> {
     let report: &TextureReport = &texture.report;
-    let row = |metric: &str, error| Row {
+    let setting = format!("{:?} {}", texture.format, report.codec.setting());
+    let row = |metric: String, error| Row {
         stage: "texture".into(),
         item: name.to_owned(),
-        setting: format!("{:?} {preset}", texture.format),
+        setting: setting.trim_end().into(),
         seconds: report.seconds,
         throughput: Some(report.megapixels_per_second),
         throughput_unit: "Mpix/s",
-        metric: metric.into(),
+        metric,
         error,
         bytes,
     };
     // A lossless image has no finite PSNR; 999 stands for it, since JSON has no infinity.
     let finite = |psnr: f64| if psnr.is_finite() { psnr } else { 999.0 };
     let mut rows = vec![
-        row("psnr dB", finite(report.psnr_db)),
-        row("p99 block rmse /255", report.p99_block_rmse),
+        row("psnr dB".into(), finite(report.psnr_db)),
+        row("p99 block rmse /255".into(), report.p99_block_rmse),
     ];
     if let Some(psnr) = report.psnr_linear_light_db {
-        rows.push(row("psnr dB, linear light", finite(psnr)));
+        rows.push(row("psnr dB, linear light".into(), finite(psnr)));
     }
     if let Some(angle) = &report.normal_angle_deg {
-        rows.push(row("normal p99 degrees", angle.p99));
-        rows.push(row("normal max degrees", angle.max));
+        rows.push(row("normal p50 degrees".into(), angle.p50));
+        rows.push(row("normal p99 degrees".into(), angle.p99));
+        rows.push(row("normal max degrees".into(), angle.max));
     }
-    let coverage = report.alpha_coverage_delta.iter().map(|delta| delta.abs());
-    if let Some(worst) = coverage.max_by(f64::total_cmp) {
-        rows.push(row("alpha coverage delta, worst mip", worst));
+    if let Some(lacks) = report.missed_db {
+        rows.push(row("psnr dB less the target".into(), -lacks));
+    }
+    let levels = report.alpha_coverage_delta.len();
+    for (level, delta) in report.alpha_coverage_delta.iter().enumerate() {
+        // The last level has one texel, which covers all or nothing.
+        let bound = if level + 1 == levels {
+            ", one texel"
+        } else {
+            ""
+        };
+        rows.push(row(
+            format!("alpha coverage delta, mip {level}{bound}"),
+            *delta,
+        ));
+    }
+    let coverage = report
+        .alpha_coverage_delta
+        .iter()
+        .take(levels.saturating_sub(1));
+    if let Some(worst) = coverage.map(|delta| delta.abs()).max_by(f64::total_cmp) {
+        rows.push(row("alpha coverage delta, worst mip".into(), worst));
     }
     rows
 }

@@ -190,7 +190,10 @@ pub fn options(scene: &str, sky: Option<&str>, output: &Path) -> cairn_bake::Opt
 /// Options that bake any file without an environment, in the least time.
 pub fn quick_options(input: &Path, output: &Path) -> cairn_bake::Options {
     cairn_bake::Options {
-        texture_quality: cairn_bake::encode::Quality::Fast,
+        textures: cairn_bake::encode::EncodeOptions {
+            effort: cairn_bake::encode::Quality::Fast.into(),
+            ..Default::default()
+        },
         ..cairn_bake::Options::new(input, output)
     }
 }

@@ -21,7 +21,7 @@ pub(super) fn run(args: &Args) -> Result<u8, BakeError> {
 fn bake_with_progress(args: &Args) -> Result<Summary, BakeError> {
     let options = Options {
         environment: args.env.clone(),
-        texture_quality: args.texture_quality.into(),
+        textures: args.textures(),
         light: args.light(),
         sky_format: args.sky_format,
         limit_pixels: args.limit_pixels,

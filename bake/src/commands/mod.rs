@@ -1,8 +1,11 @@
 //! What the program can do: one file a command; without a name it bakes.
 
 mod bake;
+mod inspect;
 mod shell;
+mod verify;
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use crate::args::Args;
@@ -35,6 +38,10 @@ pub struct Cli {
 /// What to do in place of a bake.
 #[derive(clap::Subcommand, Debug)]
 pub enum Command {
+    /// Show what is inside a package.
+    Inspect(inspect::Inspect),
+    /// Check a package: every hash, every range, every float.
+    Verify(verify::Verify),
     /// Write a shell's completions to standard output.
     Completions(shell::Completions),
     /// Write the manual pages into a folder.
@@ -64,10 +71,30 @@ impl Command {
     /// The exit code: [`SUCCESS`] or [`NEGATIVE`].
     fn run(self) -> Result<u8, BakeError> {
         match self {
+            Self::Inspect(args) => args.run(),
+            Self::Verify(args) => args.run(),
             Self::Completions(args) => args.run(),
             Self::Man(args) => args.run(),
         }
     }
+}
+
+/// Writes text to standard output; a reader that has seen enough is no error.
+fn print_text(text: &str) -> Result<(), BakeError> {
+    use std::io::{ErrorKind, Write};
+    match std::io::stdout().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(BakeError::io(Path::new("standard output"), error))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Writes a value as one line of JSON.
+fn print_json(value: &impl serde::Serialize) -> Result<(), BakeError> {
+    let text = serde_json::to_string(value)
+        .map_err(|error| BakeError::io(Path::new("standard output"), error.into()))?;
+    print_text(&(text + "\n"))
 }
 
 const EXAMPLES: &str = "Examples:

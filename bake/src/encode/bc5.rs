@@ -1,6 +1,6 @@
-//! BC5 blocks from f32 values, by a search of the endpoints.
+//! BC5 and BC4 blocks from f32 values, by a search of the endpoints.
 //!
-//! Each channel is a BC4 block: two 8-bit endpoints and eight evenly spaced levels between them (Khronos Data
+//! Each channel of BC5 is a BC4 block: two 8-bit endpoints and eight evenly spaced levels between them (Khronos Data
 //! Format Specification 1.3, section 19). The GPU interpolates finer than 8 bits, so that values between two
 //! codes survive in smooth blocks; encoders that read 8-bit texels lose them. Only additions, products,
 //! divisions and roundings: the bytes are the same on every machine.
@@ -12,10 +12,16 @@ const MOST_STEPS: usize = 32;
 pub(super) fn compress_block(texels: &[[f32; 2]; 16]) -> [u8; 16] {
     let mut block = [0; 16];
     for channel in 0..2 {
-        let values = texels.map(|texel| (texel[channel] * 255.0).clamp(0.0, 255.0));
-        block[channel * 8..][..8].copy_from_slice(&pack(&search(&values), &values));
+        let values = texels.map(|texel| texel[channel]);
+        block[channel * 8..][..8].copy_from_slice(&compress_channel(&values));
     }
     block
+}
+
+/// Compresses 16 values in [0,1] to BC4.
+pub(super) fn compress_channel(texels: &[f32; 16]) -> [u8; 8] {
+    let values = texels.map(|value| (value * 255.0).clamp(0.0, 255.0));
+    pack(&search(&values), &values)
 }
 
 /// A candidate: endpoints in 8-bit codes, `low < high`, and its squared error.

@@ -6,10 +6,10 @@ use super::mips::wrapped;
 use super::role::unorm8;
 use crate::scene::Wrap;
 
-/// Sample points of a texel in each axis.
-const SUBSAMPLES: usize = 4;
-/// Scale of the integer bilinear weights: eighths in each axis.
-const WEIGHT_SCALE: f64 = 64.0;
+/// Fewest and most sample points of a texel in each axis, and how many an axis should have.
+const FEWEST: usize = 4;
+const MOST: usize = 64;
+const AXIS: usize = 256;
 /// Largest factor tried; an 8-bit alpha of 1 reaches any cutoff below it.
 const LARGEST_SCALE: f32 = 256.0;
 const BISECTIONS: usize = 12;
@@ -27,30 +27,37 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// The share in [0,1] of 4x4 sample points a texel at which bilinearly filtered alpha passes.
-    /// Bilinear, since that is what a shader tests, and since counting texels could not tell apart the few
-    /// values that averages of 0 and 1 take.
+    /// Sample points of a texel in each axis: the fewer texels, the more.
+    fn subsamples(&self) -> usize {
+        let longest = self.width.max(self.height) as usize;
+        (AXIS / longest.next_power_of_two()).clamp(FEWEST, MOST)
+    }
+
+    /// The share in [0,1] of a grid of sample points, at least 4x4 a texel, at which bilinearly filtered alpha
+    /// passes. Bilinear, since that is what a shader tests, and since counting texels could not tell apart the
+    /// few values that averages of 0 and 1 take.
     pub fn coverage(&self, alpha: &[u8]) -> f64 {
         let width = self.width as usize;
-        let threshold = (f64::from(self.cutoff) * 255.0 * WEIGHT_SCALE).ceil() as u32;
+        let subsamples = self.subsamples();
+        let threshold = Threshold::new(self.cutoff, subsamples);
         let columns: Vec<[usize; 2]> = neighbours(self.width, self.wrap[0]);
         let rows: Vec<[usize; 2]> = neighbours(self.height, self.wrap[1]);
         let passed: u64 = rows
             .par_iter()
             .enumerate()
             .map(|(y, row)| {
-                let y_samples = samples(y, rows.len());
+                let y_samples = samples(y, rows.len(), subsamples);
                 let lines = row.map(|row| &alpha[row * width..][..width]);
                 let mut passed = 0_u64;
                 for (x, &column) in columns.iter().enumerate() {
                     let corners = lines.map(|line| column.map(|column| u32::from(line[column])));
-                    let x_samples = samples(x, columns.len());
-                    passed += passing(corners, threshold, x_samples, y_samples.clone());
+                    let x_samples = samples(x, columns.len(), subsamples);
+                    passed += threshold.passing(corners, x_samples, y_samples.clone());
                 }
                 passed
             })
             .sum();
-        let total = (self.width as usize * self.height as usize * SUBSAMPLES * SUBSAMPLES) as f64;
+        let total = (self.width as usize * self.height as usize * subsamples * subsamples) as f64;
         passed as f64 / total
     }
 
@@ -98,43 +105,62 @@ fn neighbours(extent: u32, wrap: Wrap) -> Vec<[usize; 2]> {
 }
 
 /// The sample points between the centres beside a border that lie inside the image: half of them at its ends.
-fn samples(border: usize, borders: usize) -> std::ops::Range<usize> {
+fn samples(border: usize, borders: usize, subsamples: usize) -> std::ops::Range<usize> {
     if border == 0 {
-        SUBSAMPLES / 2..SUBSAMPLES
+        subsamples / 2..subsamples
     } else if border + 1 == borders {
-        0..SUBSAMPLES / 2
+        0..subsamples / 2
     } else {
-        0..SUBSAMPLES
+        0..subsamples
     }
 }
 
-fn passing(
-    corners: [[u32; 2]; 2],
-    threshold: u32,
-    x_samples: std::ops::Range<usize>,
-    y_samples: std::ops::Range<usize>,
-) -> u64 {
-    let flat = corners.as_flattened();
-    let (least, most) = flat.iter().fold((u32::MAX, 0), |(least, most), &a| {
-        (least.min(a), most.max(a))
-    });
-    if most * 64 < threshold {
-        return 0;
-    }
-    if least * 64 >= threshold {
-        return (x_samples.len() * y_samples.len()) as u64;
-    }
-    let mut passed = 0;
-    for j in y_samples {
-        let v = 2 * j as u32 + 1;
-        let left = corners[0][0] * (8 - v) + corners[1][0] * v;
-        let right = corners[0][1] * (8 - v) + corners[1][1] * v;
-        for i in x_samples.clone() {
-            let u = 2 * i as u32 + 1;
-            passed += u64::from(left * (8 - u) + right * u >= threshold);
+/// The cutoff in the scale of integer bilinear weights.
+struct Threshold {
+    value: u32,
+    /// The weights of an axis sum to this: twice the sample points of a texel.
+    axis: u32,
+}
+
+impl Threshold {
+    fn new(cutoff: f32, subsamples: usize) -> Self {
+        let axis = 2 * subsamples as u32;
+        let scale = f64::from(axis) * f64::from(axis);
+        Self {
+            value: (f64::from(cutoff) * 255.0 * scale).ceil() as u32,
+            axis,
         }
     }
-    passed
+
+    fn passing(
+        &self,
+        corners: [[u32; 2]; 2],
+        x_samples: std::ops::Range<usize>,
+        y_samples: std::ops::Range<usize>,
+    ) -> u64 {
+        let flat = corners.as_flattened();
+        let (least, most) = flat.iter().fold((u32::MAX, 0), |(least, most), &a| {
+            (least.min(a), most.max(a))
+        });
+        let scale = self.axis * self.axis;
+        if most * scale < self.value {
+            return 0;
+        }
+        if least * scale >= self.value {
+            return (x_samples.len() * y_samples.len()) as u64;
+        }
+        let mut passed = 0;
+        for j in y_samples {
+            let v = 2 * j as u32 + 1;
+            let left = corners[0][0] * (self.axis - v) + corners[1][0] * v;
+            let right = corners[0][1] * (self.axis - v) + corners[1][1] * v;
+            for i in x_samples.clone() {
+                let u = 2 * i as u32 + 1;
+                passed += u64::from(left * (self.axis - u) + right * u >= self.value);
+            }
+        }
+        passed
+    }
 }
 
 #[cfg(test)]
@@ -206,10 +232,12 @@ mod tests {
                 f64::from(alpha[index])
             };
             let mut passed = 0;
-            for sy in 0..height * 4 {
-                for sx in 0..width * 4 {
-                    let u = (f64::from(sx) + 0.5) / 4.0 - 0.5;
-                    let v = (f64::from(sy) + 0.5) / 4.0 - 0.5;
+            let side = grid.subsamples() as u32;
+            let step = f64::from(side);
+            for sy in 0..height * side {
+                for sx in 0..width * side {
+                    let u = (f64::from(sx) + 0.5) / step - 0.5;
+                    let v = (f64::from(sy) + 0.5) / step - 0.5;
                     let (x, y) = (u.floor(), v.floor());
                     let (fx, fy) = (u - x, v - y);
                     let (x, y) = (x as i64, y as i64);
@@ -218,7 +246,7 @@ mod tests {
                     passed += u32::from(value >= f64::from(cutoff) * 255.0);
                 }
             }
-            let expected = f64::from(passed) / f64::from(width * height * 16);
+            let expected = f64::from(passed) / f64::from(width * height * side * side);
             prop_assert_eq!(grid.coverage(&alpha), expected);
         }
     }

@@ -107,7 +107,7 @@ fn pack_rgb9e5(texel: [f32; 3]) -> u32 {
     r | g << 9 | b << 18 | (exponent as u32) << 27
 }
 
-fn unpack_rgb9e5(word: u32) -> [f32; 3] {
+pub(crate) fn unpack_rgb9e5(word: u32) -> [f32; 3] {
     let scale = f32::from_bits((127 + (word >> 27) - 24) << 23);
     [0, 9, 18].map(|shift| ((word >> shift) & 511) as f32 * scale)
 }

@@ -20,17 +20,31 @@ fn bc7_params(quality: Quality) -> Bc7Params {
     }
 }
 
-/// Compresses whole blocks of 16 RGBA8 texels (little-endian, red lowest) to BC7 by the kernel for this CPU.
+/// Compresses blocks of 16 RGBA texels to BC7 by the kernel for this CPU.
 ///
 /// # Panics
 /// If the slices differ in length.
-pub(super) fn bc7(quality: Quality, blocks: &[[u32; 16]], out: &mut [[u64; 2]]) {
+pub(super) fn bc7(quality: Quality, blocks: &[[[u8; 4]; 16]], out: &mut [[u8; 16]]) {
     assert_eq!(blocks.len(), out.len());
-    bc7e::compress_blocks(
-        out.as_flattened_mut(),
-        blocks.as_flattened(),
-        &bc7_params(quality),
-    );
+    let mut texels = [[0_u32; 16]; BLOCKS_PER_CALL];
+    let mut packed = [[0_u64; 2]; BLOCKS_PER_CALL];
+    for (blocks, out) in blocks
+        .chunks(BLOCKS_PER_CALL)
+        .zip(out.chunks_mut(BLOCKS_PER_CALL))
+    {
+        for (texels, block) in texels.iter_mut().zip(blocks) {
+            *texels = block.map(u32::from_le_bytes);
+        }
+        let (texels, packed) = (&texels[..blocks.len()], &mut packed[..blocks.len()]);
+        bc7e::compress_blocks(
+            packed.as_flattened_mut(),
+            texels.as_flattened(),
+            &bc7_params(quality),
+        );
+        for (out, packed) in out.iter_mut().zip(packed) {
+            *out = bytemuck::cast(packed.map(u64::to_le));
+        }
+    }
 }
 
 #[cfg(test)]
@@ -38,7 +52,7 @@ mod tests {
     use super::*;
 
     /// Smooth blocks with noise of several strengths.
-    fn blocks() -> Vec<[u32; 16]> {
+    fn blocks() -> Vec<[[u8; 4]; 16]> {
         let mut state = 0x9e37_79b9_u32;
         let mut random = move || {
             state ^= state << 13;
@@ -49,7 +63,9 @@ mod tests {
         (0..BLOCKS_PER_CALL)
             .map(|_| {
                 let (base, noise) = (random() & 0x3f3f_3f3f, random() % 48 + 1);
-                std::array::from_fn(|texel| base + (texel as u32) * 0x0101_0101 + random() % noise)
+                std::array::from_fn(|texel| {
+                    (base + (texel as u32) * 0x0101_0101 + random() % noise).to_le_bytes()
+                })
             })
             .collect()
     }
@@ -57,10 +73,10 @@ mod tests {
     #[test]
     fn blocks_do_not_depend_on_their_neighbours() {
         let blocks = blocks();
-        let mut together = vec![[0; 2]; blocks.len()];
+        let mut together = vec![[0; 16]; blocks.len()];
         bc7(Quality::Default, &blocks, &mut together);
         for (block, expected) in blocks.iter().zip(&together) {
-            let mut alone = [[0; 2]];
+            let mut alone = [[0; 16]];
             bc7(Quality::Default, std::slice::from_ref(block), &mut alone);
             assert_eq!(alone[0], *expected);
         }

@@ -6,14 +6,25 @@ use rayon::prelude::*;
 use crate::scene::Wrap;
 
 /// How a mip is made of the level above it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
 pub enum MipFilter {
-    /// Area average: exact mean at every size, no ringing; the value a pixel's footprint averages to.
-    #[default]
-    Box,
-    /// Kaiser-windowed sinc, alpha 4, three output texels to each side: sharper and less aliased, rings at
+    /// Kaiser-windowed sinc, alpha 4, three output texels to each side: sharper and less aliased than a box, rings at
     /// edges (clamped to 0..=1), and means drift a little at borders that do not wrap.
+    #[default]
     Kaiser,
+    /// Area average: exact mean at every size, no ringing; the value a pixel's footprint averages to.
+    Box,
+}
+
+impl MipFilter {
+    /// As the command line has it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Kaiser => "kaiser",
+            Self::Box => "box",
+        }
+    }
 }
 
 /// What the fourth channel means to the filter.
@@ -50,6 +61,7 @@ const KAISER_WIDTH: f64 = 3.0;
 
 /// Filtered alpha below this carries no colour: dividing by it would amplify rounding.
 const LEAST_ALPHA: f32 = 1e-6;
+const LITTLE_ALPHA: f32 = 1.0 / 16.0;
 
 /// The next level of `plane`, `mip_extent` in each axis.
 pub(super) fn halve(
@@ -62,7 +74,7 @@ pub(super) fn halve(
     let down = Kernel::new(plane.height, filter, wrap[1]);
     let mut half = match weighting {
         Weighting::Plain | Weighting::Signed => resample(plane, &across, &down),
-        Weighting::Alpha => resample_weighted(plane, &across, &down),
+        Weighting::Alpha => resample_weighted(plane, &across, &down, filter),
     };
     if filter == MipFilter::Kaiser && weighting != Weighting::Signed {
         for texel in &mut half.texels {
@@ -73,8 +85,9 @@ pub(super) fn halve(
 }
 
 /// Colour weighted by alpha. Where no alpha is left, the plain average of the colours, so that bilinear
-/// reads across the border of a transparent region see sensible colour.
-fn resample_weighted(plane: &Plane, across: &Kernel, down: &Kernel) -> Plane {
+/// reads across the border of a transparent region see sensible colour. Kaiser's negative weights can leave a little
+/// alpha beside any colour: below `LITTLE_ALPHA` the plain average fades in.
+fn resample_weighted(plane: &Plane, across: &Kernel, down: &Kernel, filter: MipFilter) -> Plane {
     let premultiplied = Plane {
         texels: plane
             .texels
@@ -85,16 +98,29 @@ fn resample_weighted(plane: &Plane, across: &Kernel, down: &Kernel) -> Plane {
     };
     let mut weighted = resample(&premultiplied, across, down);
     drop(premultiplied);
-    let plain = (weighted.texels.iter().any(|texel| texel[3] <= LEAST_ALPHA))
+    let little = match filter {
+        MipFilter::Kaiser => LITTLE_ALPHA,
+        MipFilter::Box => LEAST_ALPHA,
+    };
+    let plain = (weighted.texels.iter().any(|texel| texel[3] <= little))
         .then(|| resample(plane, across, down));
     for (index, texel) in weighted.texels.iter_mut().enumerate() {
         let [r, g, b, a] = *texel;
-        *texel = match &plain {
-            Some(plain) if a <= LEAST_ALPHA => {
-                let [r, g, b, _] = plain.texels[index];
-                [r, g, b, a.max(0.0)]
+        let own = [r, g, b].map(|value| {
+            if a > LEAST_ALPHA {
+                (value / a).min(1.0)
+            } else {
+                0.0
             }
-            _ => [(r / a).min(1.0), (g / a).min(1.0), (b / a).min(1.0), a],
+        });
+        *texel = match &plain {
+            Some(plain) if a <= little => {
+                let share = if a > LEAST_ALPHA { a / little } else { 0.0 };
+                let [r, g, b, _] = plain.texels[index];
+                let mix = |own: f32, plain: f32| plain + share * (own.max(0.0) - plain);
+                [mix(own[0], r), mix(own[1], g), mix(own[2], b), a.max(0.0)]
+            }
+            _ => [own[0], own[1], own[2], a],
         };
     }
     weighted

@@ -83,7 +83,7 @@ pub(super) fn texel_direction(index: usize, size: u32) -> DVec3 {
 }
 
 /// The texel of a level that a direction falls into.
-pub(super) fn texel_at(direction: DVec3, size: u32) -> usize {
+pub(crate) fn texel_at(direction: DVec3, size: u32) -> usize {
     let DVec3 { x, y, z } = direction;
     let magnitude = direction.abs();
     let (face, s, t, major) = if magnitude.x >= magnitude.y && magnitude.x >= magnitude.z {

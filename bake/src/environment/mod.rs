@@ -21,6 +21,7 @@ mod verify;
 use std::time::Instant;
 
 pub use brdf_lut::{DEFAULT_LUT_SIZE, brdf_lut};
+pub(crate) use cubemap::texel_at;
 pub use cubemap::{Cube, HALF_MAX, face_direction, level_to_rgba16f};
 pub use equirect::Equirect;
 pub use importance::ImportanceTable;

@@ -25,12 +25,23 @@ use fit::{Effort, Fit, Grid, Texels, fit, polish};
 use modes::{Fields, MODES, Parity};
 
 /// Compresses 16 RGBA texels, rows of four. Opaque blocks stay opaque exactly, those of one colour are exact.
-pub(super) fn compress_block(texels: &[[u8; 4]; 16], quality: Quality) -> [u8; 16] {
+fn compress_block(texels: &[[u8; 4]; 16], quality: Quality) -> [u8; 16] {
     if texels[1..].iter().all(|texel| *texel == texels[0]) {
         return solid::solid(texels[0]);
     }
     let encoder = Encoder::searched(texels, quality);
     encoder.best.fields(encoder.opaque).pack()
+}
+
+/// Compresses blocks, each as `compress_block` does.
+///
+/// # Panics
+/// If the slices differ in length.
+pub(super) fn compress(blocks: &[[[u8; 4]; 16]], quality: Quality, out: &mut [[u8; 16]]) {
+    assert_eq!(blocks.len(), out.len());
+    for (out, block) in out.iter_mut().zip(blocks) {
+        *out = compress_block(block, quality);
+    }
 }
 
 /// What a quality tries.

@@ -1,0 +1,156 @@
+//! The block encoders behind one interface: what a role may be stored as, and how a level becomes blocks.
+
+use cairn_format::TextureFormat;
+use rayon::prelude::*;
+
+use super::bc::Image;
+use super::ispc::{self, BLOCKS_PER_CALL};
+use super::{EncodeOptions, Kernels, Quality, Role, bc5, bc7};
+
+/// A block encoder at one setting.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Codec {
+    /// Four channels of 8-bit codes; the squared error of the codes is made small.
+    Bc7 { quality: Quality, kernels: Kernels },
+    /// The first two stored channels, from f32.
+    Bc5,
+    /// The first stored channel, from f32.
+    Bc4,
+}
+
+impl Codec {
+    /// The encoders of a role, from the cheapest up.
+    pub fn ladder(role: Role, kernels: Kernels) -> Vec<Self> {
+        match role.format() {
+            TextureFormat::Bc5Unorm => vec![Self::Bc5],
+            TextureFormat::Bc4Unorm => vec![Self::Bc4],
+            _ => Quality::ALL
+                .map(|quality| Self::Bc7 { quality, kernels })
+                .to_vec(),
+        }
+    }
+
+    /// The encoders that `options` allow for a role, from the cheapest up: one, or all where a PSNR is the target.
+    pub fn allowed(role: Role, options: &EncodeOptions) -> Vec<Self> {
+        let ladder = Self::ladder(role, options.kernels);
+        match options.effort {
+            super::Effort::AtLeast { .. } => ladder,
+            super::Effort::Preset(quality) => {
+                let rung = Quality::ALL.iter().position(|&one| one == quality);
+                let rung = rung.unwrap_or(0).min(ladder.len() - 1);
+                vec![ladder[rung]]
+            }
+        }
+    }
+
+    /// As reports have it: the preset, and whether the bytes depend on the machine. Empty where there is no choice.
+    pub fn setting(self) -> String {
+        match self {
+            Self::Bc7 {
+                quality,
+                kernels: Kernels::Reproducible,
+            } => quality.name().into(),
+            Self::Bc7 { quality, .. } => format!("{} native", quality.name()),
+            Self::Bc5 | Self::Bc4 => String::new(),
+        }
+    }
+
+    const fn block_bytes(self) -> usize {
+        match self {
+            Self::Bc7 { .. } | Self::Bc5 => 16,
+            Self::Bc4 => 8,
+        }
+    }
+
+    /// Compresses an image, blocks in rows; blocks across the edge repeat the last row and column. The bytes do not
+    /// depend on the number of threads.
+    pub(super) fn compress(self, role: Role, image: &Image) -> Vec<u8> {
+        let count = image.blocks_across() * image.height.div_ceil(4) as usize;
+        let bytes = self.block_bytes();
+        let mut out = vec![0_u8; count * bytes];
+        out.par_chunks_mut(BLOCKS_PER_CALL * bytes)
+            .enumerate()
+            .for_each(|(call, out)| self.run(role, image, call * BLOCKS_PER_CALL, out));
+        out
+    }
+
+    /// Blocks from `first` on, `BLOCKS_PER_CALL` at most.
+    fn run(self, role: Role, image: &Image, first: usize, out: &mut [u8]) {
+        let count = out.len() / self.block_bytes();
+        match self {
+            Self::Bc7 { quality, kernels } => {
+                let mut blocks = [[[0_u8; 4]; 16]; BLOCKS_PER_CALL];
+                for (at, block) in blocks[..count].iter_mut().enumerate() {
+                    *block = image.gather(image.codes, first + at);
+                }
+                let out = out.as_chunks_mut::<16>().0;
+                match kernels {
+                    Kernels::Reproducible => bc7::compress(&blocks[..count], quality, out),
+                    Kernels::Native => ispc::bc7(quality, &blocks[..count], out),
+                }
+            }
+            Self::Bc5 => {
+                for (at, out) in out.as_chunks_mut::<16>().0.iter_mut().enumerate() {
+                    let texels = image.gather(image.exact, first + at);
+                    let stored = texels.map(|texel| role.stored(texel));
+                    *out = bc5::compress_block(&stored.map(|[x, y, ..]| [x, y]));
+                }
+            }
+            Self::Bc4 => {
+                for (at, out) in out.as_chunks_mut::<8>().0.iter_mut().enumerate() {
+                    let texels = image.gather(image.exact, first + at);
+                    *out = bc5::compress_channel(&texels.map(|texel| role.stored(texel)[0]));
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::encode::Effort;
+
+    #[test]
+    fn presets_choose_one_rung_and_targets_all() {
+        for quality in Quality::ALL {
+            let options = EncodeOptions {
+                effort: quality.into(),
+                ..EncodeOptions::default()
+            };
+            let kernels = Kernels::Reproducible;
+            let bc7 = Codec::Bc7 { quality, kernels };
+            assert_eq!(Codec::allowed(Role::Color, &options), [bc7]);
+            assert_eq!(Codec::allowed(Role::Normal, &options), [Codec::Bc5]);
+        }
+        let options = EncodeOptions {
+            effort: Effort::AtLeast { centibel: 4200 },
+            kernels: Kernels::Native,
+            ..EncodeOptions::default()
+        };
+        let all = Codec::allowed(Role::Data, &options);
+        let settings: Vec<String> = all.into_iter().map(Codec::setting).collect();
+        assert_eq!(settings, ["fast native", "default native", "best native"]);
+    }
+
+    #[test]
+    fn one_channel_of_bc4_is_that_of_bc5() {
+        let exact: Vec<[f32; 4]> = (0..35)
+            .map(|index| [(index as f32 / 34.0).powi(2), 0.5, 0.0, 1.0])
+            .collect();
+        let image = Image {
+            width: 7,
+            height: 5,
+            codes: &[],
+            exact: &exact,
+        };
+        let (one, two) = (
+            Codec::Bc4.compress(Role::Data, &image),
+            Codec::Bc5.compress(Role::Data, &image),
+        );
+        assert_eq!(one.len(), 4 * 8);
+        for (one, two) in one.chunks(8).zip(two.chunks(16)) {
+            assert_eq!(one, &two[..8]);
+        }
+    }
+}
