@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::encode::{Effort, EncodeOptions, Kernels, MipFilter, SkyFormat};
+use crate::encode::{Effort, EncodeOptions, Kernels, MipFilter, SkyFormat, Target};
 use crate::environment::{EnvironmentOptions, SunMode};
 use crate::pipeline::DEFAULT_LIMIT_PIXELS;
 
@@ -21,6 +21,9 @@ pub struct Args {
     /// each texture gets the cheapest preset that reaches it.
     #[arg(long, value_name = "EFFORT", default_value_t)]
     pub texture_quality: Effort,
+    /// What the package is for: GPUs that read BC textures, or any GPU.
+    #[arg(long, value_enum, default_value = "desktop")]
+    pub target: Target,
     /// How mips are made.
     #[arg(long, value_enum, default_value = "kaiser")]
     pub mip_filter: MipFilter,
@@ -36,9 +39,9 @@ pub struct Args {
     /// Bound of the relative RMS error of every prefiltered level, in place of that of --ibl-quality.
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     pub ibl_error: Option<f64>,
-    /// Storage of the sky and of the prefiltered cube.
-    #[arg(long, value_enum, default_value = "bc6h")]
-    pub sky_format: SkyFormat,
+    /// Storage of the sky and of the prefiltered cube: bc6h, or rgb9e5 where --target is portable.
+    #[arg(long, value_enum)]
+    pub sky_format: Option<SkyFormat>,
     /// Images of more texels than this are refused.
     #[arg(long, value_name = "TEXELS", default_value_t = DEFAULT_LIMIT_PIXELS)]
     pub limit_pixels: u64,
@@ -100,7 +103,16 @@ impl Args {
             } else {
                 Kernels::Reproducible
             },
+            target: self.target,
         }
+    }
+
+    /// Storage of the sky.
+    pub fn sky_format(&self) -> SkyFormat {
+        self.sky_format.unwrap_or(match self.target {
+            Target::Desktop => SkyFormat::default(),
+            Target::Portable => SkyFormat::Rgb9e5,
+        })
     }
 
     /// Options of image-based light.

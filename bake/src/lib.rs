@@ -3,6 +3,8 @@
 pub mod alias;
 pub mod args;
 pub mod commands;
+pub mod constants;
+pub mod content;
 pub mod diagnostic;
 pub mod emitters;
 pub mod encode;

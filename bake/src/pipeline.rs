@@ -10,7 +10,7 @@ use cairn_format::scene::{
 use cairn_format::{SectionKind, Writer, features};
 
 use crate::diagnostic::{BakeError, Result};
-use crate::encode::{EncodeOptions, SkyFormat};
+use crate::encode::{EncodeOptions, SkyFormat, Target};
 use crate::environment::EnvironmentOptions;
 use crate::import::{EnvironmentImage, import, load_environment};
 use crate::materials::{self, Plan};
@@ -19,7 +19,7 @@ use crate::progress::Progress;
 use crate::report::{Row, Section, Stage, Summary};
 use crate::scene::{Origin, Sampler, Scene, Source, Wrap};
 use crate::textures::{self, Texels};
-use crate::{emitters, sky, write};
+use crate::{constants, emitters, sky, write};
 
 /// What to bake, and how.
 #[derive(Clone, Debug)]
@@ -63,6 +63,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     let start = Instant::now();
     let mut clock = Clock::default();
     refuse_to_overwrite_an_input(options)?;
+    refuse_an_unportable_sky(options)?;
 
     progress.update("import", 0.0);
     let mut scene = import(&options.input)?;
@@ -72,6 +73,9 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         .map(load_environment)
         .transpose()?;
     clock.lap("import");
+
+    constants::fold(&mut scene, options.limit_pixels)?;
+    clock.lap("constants");
 
     let mut prepared = prepare(&mut scene, &|fraction| {
         progress.update("geometry", fraction)
@@ -192,6 +196,22 @@ fn refuse_to_overwrite_an_input(options: &Options) -> Result<()> {
             ))
         }
         None => Ok(()),
+    }
+}
+
+/// BC6H is what portable packages must not hold.
+fn refuse_an_unportable_sky(options: &Options) -> Result<()> {
+    let portable = options.textures.target == Target::Portable;
+    match &options.environment {
+        Some(path) if portable && options.sky_format == SkyFormat::Bc6h => {
+            let origin = Origin {
+                file: path.display().to_string(),
+                pointer: String::new(),
+            };
+            let message = "not every GPU reads BC6H: with --target portable choose --sky-format rgb9e5 or rgba16f";
+            Err(BakeError::input("sky-format", &origin, message))
+        }
+        _ => Ok(()),
     }
 }
 

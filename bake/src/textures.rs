@@ -4,13 +4,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use cairn_format::TextureFormat;
 use cairn_format::header::{ALIGNMENT, align_up};
-use cairn_format::scene::{IDENTITY_SWIZZLE, Image, ImageRole, Level, Swizzle};
+use cairn_format::scene::{Image, ImageRole, Level, Swizzle};
 use rayon::prelude::*;
 
+use crate::content::{self, Stored};
 use crate::diagnostic::{Diagnostic, Result};
-use crate::encode::{
-    AlphaUse, EncodeOptions, EncodedTexture, Role, Source, TextureReport, encode, is_opaque,
-};
+use crate::encode::{EncodeOptions, EncodedTexture, Role, TextureReport};
 use crate::import::decode_image;
 use crate::materials::Plan;
 use crate::report::Row;
@@ -65,6 +64,15 @@ impl Texels {
     }
 }
 
+/// The plan's images, encoded.
+#[derive(Debug)]
+pub struct Encoded {
+    /// With the plan's image whose name each has.
+    pub textures: Vec<(Stored, u32)>,
+    /// Index into `textures` of each of the plan's images.
+    pub of: Vec<usize>,
+}
+
 /// Encodes the plan's images in order, each on all cores that are free.
 ///
 /// # Errors
@@ -75,69 +83,107 @@ pub fn encode_all(
     options: &EncodeOptions,
     limit_pixels: u64,
     progress: &(dyn Fn(f32) + Sync),
-) -> Result<Vec<EncodedTexture>> {
+) -> Result<Encoded> {
+    let jobs = jobs(plan);
     let done = AtomicUsize::new(0);
-    let encoded: Vec<Result<EncodedTexture>> = plan
-        .images
+    let results: Vec<Result<Vec<(Stored, u32)>>> = jobs
         .par_iter()
-        .map(|wanted| {
-            let image = decode_image(&scene.images[wanted.image as usize], limit_pixels)?;
-            let alpha = if is_opaque(&image.texels) {
-                AlphaUse::Ignore
-            } else {
-                wanted.alpha
+        .map(|job| {
+            let decode = |index: u32| {
+                let wanted = &plan.images[index as usize];
+                decode_image(&scene.images[wanted.image as usize], limit_pixels)
             };
-            let source = Source {
-                width: image.width,
-                height: image.height,
-                texels: &image.texels,
-                wrap_u: wanted.sampler.wrap_u,
-                wrap_v: wanted.sampler.wrap_v,
-                alpha,
+            let alone = |index: u32, image| {
+                (
+                    content::store(image, &plan.images[index as usize], options),
+                    index,
+                )
             };
-            let texture = encode(&source, wanted.role, options);
+            let stored = match job.as_slice() {
+                &[occlusion, roughness] => {
+                    let images = [decode(occlusion)?, decode(roughness)?];
+                    let wanted = &plan.images[roughness as usize];
+                    match content::store_companions([&images[0], &images[1]], wanted, options) {
+                        Some(both) => vec![(both, roughness)],
+                        None => {
+                            let [first, second] = images;
+                            vec![alone(occlusion, first), alone(roughness, second)]
+                        }
+                    }
+                }
+                indices => indices
+                    .iter()
+                    .map(|&index| Ok(alone(index, decode(index)?)))
+                    .collect::<Result<_>>()?,
+            };
             let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
-            progress(finished as f32 / plan.images.len() as f32);
-            Ok(texture)
+            progress(finished as f32 / jobs.len() as f32);
+            Ok(stored)
         })
         .collect();
-    encoded.into_iter().collect()
+    let mut encoded = Encoded {
+        textures: Vec::new(),
+        of: vec![0; plan.images.len()],
+    };
+    for (job, stored) in jobs.iter().zip(results) {
+        let stored = stored?;
+        for (at, &index) in job.iter().enumerate() {
+            encoded.of[index as usize] = encoded.textures.len() + at.min(stored.len() - 1);
+        }
+        encoded.textures.extend(stored);
+    }
+    Ok(encoded)
 }
 
-/// Appends the encoded images; equal ones are stored once. Returns the stored index of each.
-pub fn store(
-    texels: &mut Texels,
-    scene: &Scene,
-    plan: &Plan,
-    encoded: &[EncodedTexture],
-) -> Vec<u32> {
-    let mut stored: Vec<u32> = Vec::with_capacity(encoded.len());
-    for (index, (texture, wanted)) in encoded.iter().zip(&plan.images).enumerate() {
+/// Images that are encoded together, in the order of the first of each.
+fn jobs(plan: &Plan) -> Vec<Vec<u32>> {
+    let pair = |index: u32| plan.companions.iter().find(|pair| pair.contains(&index));
+    let images = 0..plan.images.len() as u32;
+    images
+        .filter_map(|index| match pair(index) {
+            None => Some(vec![index]),
+            Some(pair) if pair.iter().min() == Some(&index) => Some(pair.to_vec()),
+            Some(_) => None,
+        })
+        .collect()
+}
+
+/// Appends the encoded images; equal ones are stored once. Returns the stored index of each of the plan's.
+pub fn store(texels: &mut Texels, scene: &Scene, plan: &Plan, encoded: &Encoded) -> Vec<u32> {
+    let mut indices: Vec<u32> = Vec::with_capacity(encoded.textures.len());
+    for (at, (stored, first)) in encoded.textures.iter().enumerate() {
+        let Stored {
+            texture,
+            role,
+            swizzle,
+        } = stored;
         let same = |other: &usize| {
-            let (have, use_) = (&encoded[*other], &plan.images[*other]);
-            use_.role == wanted.role
-                && have.format == texture.format
-                && have.levels == texture.levels
+            let have = &encoded.textures[*other].0;
+            have.role == *role
+                && have.swizzle == *swizzle
+                && have.texture.format == texture.format
+                && have.texture.levels == texture.levels
         };
-        if let Some(twin) = (0..index).find(same) {
-            stored.push(stored[twin]);
+        if let Some(twin) = (0..at).find(same) {
+            indices.push(indices[twin]);
             continue;
         }
-        let name = &scene.images[wanted.image as usize].name;
+        let image = &scene.images[plan.images[*first as usize].image as usize];
+        let name = &image.name;
         let info = ImageInfo {
             name,
-            role: match wanted.role {
+            role: match role {
                 Role::Color => ImageRole::Color,
-                Role::Data => ImageRole::Data,
+                Role::Data | Role::Pair | Role::Single => ImageRole::Data,
                 Role::Normal => ImageRole::Normal,
             },
             format: texture.format,
-            swizzle: IDENTITY_SWIZZLE,
+            swizzle: *swizzle,
             width: texture.width,
             height: texture.height,
             layers: 1,
         };
-        stored.push(texels.push(&info, texture.levels.iter().map(Vec::as_slice)));
+        indices.push(texels.push(&info, texture.levels.iter().map(Vec::as_slice)));
         let bytes = texture.levels.iter().map(|level| level.len() as u64).sum();
         texels.report.extend(rows(name, texture, bytes));
         if let Some(lacks) = texture.report.missed_db {
@@ -146,12 +192,11 @@ pub fn store(
                  the best preset is stored",
                 texture.format, texture.report.psnr_db
             );
-            let origin = &scene.images[wanted.image as usize].origin;
-            let warning = Diagnostic::warning("texture-quality-missed", origin, message);
+            let warning = Diagnostic::warning("texture-quality-missed", &image.origin, message);
             texels.diagnostics.push(warning);
         }
     }
-    stored
+    encoded.of.iter().map(|&texture| indices[texture]).collect()
 }
 
 /// The rows of one image in the speed-against-error report.
@@ -212,6 +257,7 @@ fn rows(name: &str, texture: &EncodedTexture, bytes: u64) -> Vec<Row> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use cairn_format::scene::IDENTITY_SWIZZLE;
 
     #[test]
     fn levels_begin_at_multiples_of_sixteen() {

@@ -23,7 +23,7 @@ fn bake_with_progress(args: &Args) -> Result<Summary, BakeError> {
         environment: args.env.clone(),
         textures: args.textures(),
         light: args.light(),
-        sky_format: args.sky_format,
+        sky_format: args.sky_format(),
         limit_pixels: args.limit_pixels,
         ..Options::new(&args.input, &args.output)
     };
