@@ -11,7 +11,7 @@ use crate::import::DecodedImage;
 use crate::materials::ImageUse;
 
 /// An encoded image, and what shaders read of it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize, Clone, Debug, PartialEq)]
 pub struct Stored {
     pub texture: EncodedTexture,
     pub role: Role,

@@ -2,6 +2,7 @@
 
 pub mod alias;
 pub mod args;
+pub mod cache;
 pub mod commands;
 pub mod constants;
 pub mod content;
@@ -10,16 +11,21 @@ pub mod emitters;
 pub mod encode;
 pub mod environment;
 pub mod import;
+pub mod interrupt;
 pub mod label;
 pub mod look;
 pub mod materials;
+pub mod panorama;
 pub mod pipeline;
 pub mod prepare;
 pub mod progress;
+pub mod rebake;
 pub mod report;
 pub mod scene;
 pub mod sky;
+pub mod temporary;
 pub mod textures;
+pub mod twice;
 pub mod write;
 
 pub use diagnostic::{BakeError, Diagnostic, Result, Severity};

@@ -7,16 +7,17 @@ use cairn_format::header::{ALIGNMENT, align_up};
 use cairn_format::scene::{Image, ImageRole, Level, Swizzle};
 use rayon::prelude::*;
 
+use crate::cache::{self, Inputs, Kind, Session};
 use crate::content::{self, Stored};
 use crate::diagnostic::{Diagnostic, Result};
-use crate::encode::{EncodeOptions, EncodedTexture, Role, TextureReport};
+use crate::encode::{EncodeOptions, EncodedTexture, Kernels, Role, TextureReport};
 use crate::import::decode_image;
-use crate::materials::Plan;
+use crate::materials::{ImageUse, Plan};
 use crate::report::Row;
 use crate::scene::Scene;
 
 /// The texel section in the making.
-#[derive(Debug, Default)]
+#[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize, Debug, Default)]
 pub struct Texels {
     pub images: Vec<Image>,
     pub bytes: Vec<u8>,
@@ -62,6 +63,25 @@ impl Texels {
         });
         self.images.len() as u32 - 1
     }
+
+    /// Appends all images of `other`; returns the index of its first.
+    pub fn append(&mut self, other: Self) -> u32 {
+        let first = self.images.len() as u32;
+        self.bytes
+            .resize(align_up(self.bytes.len() as u64, ALIGNMENT) as usize, 0);
+        let start = self.bytes.len() as u64;
+        self.bytes.extend_from_slice(&other.bytes);
+        self.images
+            .extend(other.images.into_iter().map(|mut image| {
+                for level in &mut image.levels {
+                    level.offset += start;
+                }
+                image
+            }));
+        self.report.extend(other.report);
+        self.diagnostics.extend(other.diagnostics);
+        first
+    }
 }
 
 /// The plan's images, encoded.
@@ -82,6 +102,7 @@ pub fn encode_all(
     plan: &Plan,
     options: &EncodeOptions,
     limit_pixels: u64,
+    session: &Session,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<Encoded> {
     let jobs = jobs(plan);
@@ -89,32 +110,14 @@ pub fn encode_all(
     let results: Vec<Result<Vec<(Stored, u32)>>> = jobs
         .par_iter()
         .map(|job| {
-            let decode = |index: u32| {
-                let wanted = &plan.images[index as usize];
-                decode_image(&scene.images[wanted.image as usize], limit_pixels)
-            };
-            let alone = |index: u32, image| {
-                (
-                    content::store(image, &plan.images[index as usize], options),
-                    index,
-                )
-            };
-            let stored = match job.as_slice() {
-                &[occlusion, roughness] => {
-                    let images = [decode(occlusion)?, decode(roughness)?];
-                    let wanted = &plan.images[roughness as usize];
-                    match content::store_companions([&images[0], &images[1]], wanted, options) {
-                        Some(both) => vec![(both, roughness)],
-                        None => {
-                            let [first, second] = images;
-                            vec![alone(occlusion, first), alone(roughness, second)]
-                        }
-                    }
-                }
-                indices => indices
-                    .iter()
-                    .map(|&index| Ok(alone(index, decode(index)?)))
-                    .collect::<Result<_>>()?,
+            let stored = session.fetch(
+                || inputs(scene, plan, job, options, limit_pixels),
+                || encode_job(scene, plan, job, options, limit_pixels),
+            )?;
+            // A job of two gives one texture for both, or one for each.
+            let stored: Vec<(Stored, u32)> = match stored.len() {
+                1 => stored.into_iter().zip(job.last().copied()).collect(),
+                _ => stored.into_iter().zip(job.iter().copied()).collect(),
             };
             let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
             progress(finished as f32 / jobs.len() as f32);
@@ -145,6 +148,73 @@ fn jobs(plan: &Plan) -> Vec<Vec<u32>> {
             Some(pair) if pair.iter().min() == Some(&index) => Some(pair.to_vec()),
             Some(_) => None,
         })
+        .collect()
+}
+
+/// What decides the bytes of a job's textures.
+fn inputs(scene: &Scene, plan: &Plan, job: &[u32], options: &EncodeOptions, limit: u64) -> Inputs {
+    let machine = (options.kernels == Kernels::Native).then(cache::processor);
+    let name = |index: &u32| {
+        let wanted = &plan.images[*index as usize];
+        let image = &scene.images[wanted.image as usize];
+        format!("{} ({:?})", image.name, wanted.role)
+    };
+    let names: Vec<String> = job.iter().map(name).collect();
+    let mut inputs = Inputs::new(Kind::Texture, module_path!(), names.join(" and "))
+        .settings("settings", options)
+        .settings("processor", &machine)
+        // A smaller limit must refuse what a larger one let pass.
+        .settings("limit", &limit);
+    for (number, &index) in job.iter().enumerate() {
+        // Every field by name: a new one does not compile until it is looked at.
+        let ImageUse {
+            image,
+            role,
+            channels,
+            alpha,
+            sampler,
+        } = &plan.images[index as usize];
+        let label = |what: &str| match number {
+            0 => what.to_owned(),
+            _ => format!("{what} of the second"),
+        };
+        inputs = inputs
+            .content(&label("image"), &scene.images[*image as usize].bytes)
+            .settings(&label("role"), role)
+            .settings(&label("channels"), channels)
+            .settings(&label("alpha"), alpha)
+            .settings(&label("wrap"), &[sampler.wrap_u, sampler.wrap_v]);
+    }
+    inputs
+}
+
+/// The textures of a job: one of each image, or one of both.
+fn encode_job(
+    scene: &Scene,
+    plan: &Plan,
+    job: &[u32],
+    options: &EncodeOptions,
+    limit_pixels: u64,
+) -> Result<Vec<Stored>> {
+    let wanted = |index: u32| &plan.images[index as usize];
+    let decode =
+        |index: u32| decode_image(&scene.images[wanted(index).image as usize], limit_pixels);
+    if let &[occlusion, roughness] = job {
+        let images = [decode(occlusion)?, decode(roughness)?];
+        let both = [&images[0], &images[1]];
+        return Ok(
+            match content::store_companions(both, wanted(roughness), options) {
+                Some(both) => vec![both],
+                None => images
+                    .into_iter()
+                    .zip(job)
+                    .map(|(image, index)| content::store(image, wanted(*index), options))
+                    .collect(),
+            },
+        );
+    }
+    job.iter()
+        .map(|&index| Ok(content::store(decode(index)?, wanted(index), options)))
         .collect()
 }
 
@@ -281,5 +351,20 @@ mod tests {
             .collect();
         assert_eq!(offsets, [0, 16, 32, 48]);
         assert_eq!(texels.bytes[12..16], [0; 4]);
+
+        let mut other = Texels::default();
+        other.push(&info, levels.into_iter());
+        assert_eq!(texels.append(other), 2);
+        assert_eq!(texels.push(&info, levels.into_iter()), 3);
+        let image = |index: usize| {
+            let levels = texels.images[index].levels.iter();
+            levels
+                .map(|level| {
+                    texels.bytes[level.offset as usize..][..level.length as usize].to_vec()
+                })
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(image(2), levels);
+        assert_eq!(image(3), levels);
     }
 }

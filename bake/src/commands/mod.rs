@@ -1,14 +1,16 @@
 //! What the program can do: one file a command; without a name it bakes.
 
 mod bake;
+mod cache;
 mod inspect;
 mod shell;
+mod twice;
 mod verify;
 
 use std::path::Path;
 use std::process::ExitCode;
 
-use crate::args::Args;
+use crate::args::{Args, Settings};
 use crate::diagnostic::BakeError;
 
 /// Everything went as asked.
@@ -33,11 +35,16 @@ pub struct Cli {
     pub command: Option<Command>,
     #[command(flatten)]
     pub bake: Option<Args>,
+    // Not in `Args`: clap tells whether those are there only where they are flat.
+    #[command(flatten)]
+    pub settings: Settings,
 }
 
 /// What to do in place of a bake.
 #[derive(clap::Subcommand, Debug)]
 pub enum Command {
+    /// Look after the products that earlier bakes left for later ones.
+    Cache(cache::Cache),
     /// Show what is inside a package.
     Inspect(inspect::Inspect),
     /// Check a package: every hash, every range, every float.
@@ -53,7 +60,7 @@ impl Cli {
     pub fn run(self) -> ExitCode {
         let done = match (self.command, self.bake) {
             (Some(command), _) => command.run(),
-            (None, Some(args)) => bake::run(&args),
+            (None, Some(args)) => bake::run(&args, &self.settings),
             // The parser asks for a scene where there is no command.
             (None, None) => Ok(FAILURE),
         };
@@ -71,6 +78,7 @@ impl Command {
     /// The exit code: [`SUCCESS`] or [`NEGATIVE`].
     fn run(self) -> Result<u8, BakeError> {
         match self {
+            Self::Cache(args) => args.run(),
             Self::Inspect(args) => args.run(),
             Self::Verify(args) => args.run(),
             Self::Completions(args) => args.run(),
@@ -101,12 +109,14 @@ const EXAMPLES: &str = "Examples:
   cairn-bake helmet.gltf --env park.hdr -o helmet.cairn
   cairn-bake hall.glb -o hall.cairn --json > report.json
   cairn-bake hall.glb -o hall.cairn --texture-quality best -v
+  cairn-bake hall.glb -o hall.cairn --explain
+  cairn-bake verify --twice hall.glb
   cairn-bake completions bash > ~/.local/share/bash-completion/completions/cairn-bake
 
 A scene that is named like a command is given with its folder: ./inspect
 
 Exit codes: 0 success, 1 the answer is no (packages differ, a package is damaged),
-2 bad input or unwritable output; then no output file was touched.";
+2 bad input or unwritable output; then no output file was touched; 130 interrupted.";
 
 #[cfg(test)]
 mod tests {

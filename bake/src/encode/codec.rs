@@ -8,7 +8,7 @@ use super::ispc::{self, BLOCKS_PER_CALL};
 use super::{EncodeOptions, Kernels, Quality, Role, Target, bc5, bc7, uastc};
 
 /// A block encoder at one setting.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Codec {
     /// Four channels of 8-bit codes; the squared error of the codes is made small.
     Bc7 { quality: Quality, kernels: Kernels },

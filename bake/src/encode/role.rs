@@ -10,7 +10,19 @@ use super::{Target, srgb};
 const SHORTEST_NORMAL: f32 = 0.02;
 
 /// The use of a texture by the materials that read it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(
+    rkyv::Archive,
+    rkyv::Serialize,
+    rkyv::Deserialize,
+    Clone,
+    Copy,
+    Debug,
+    PartialEq,
+    Eq,
+    Hash,
+    PartialOrd,
+    Ord,
+)]
 pub enum Role {
     /// Base colour or emissive: sRGB colour, linear alpha; BC7.
     Color,
