@@ -18,7 +18,8 @@ fn baked_for(target: Target, scene: &str) -> Package {
     options.textures.target = target;
     options.textures.effort = Quality::Fast.into();
     cairn_bake::bake(&options, &Silent).expect("a bake");
-    Package::open(&output).expect("a package")
+    let bytes = std::fs::read(output).expect("the package");
+    Package::from_bytes(&bytes).expect("a good package")
 }
 
 fn picture(package: &Package, blocks: AllowedBlocks) -> Rgb {
