@@ -18,6 +18,7 @@
 #![warn(missing_docs)]
 
 pub mod bounds;
+pub mod brdf_table;
 pub mod check;
 pub mod error;
 pub mod features;

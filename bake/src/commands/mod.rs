@@ -1,6 +1,7 @@
 //! What the program can do: one file a command; without a name it bakes.
 
 mod bake;
+mod bench;
 mod cache;
 mod inspect;
 mod shell;
@@ -49,6 +50,8 @@ pub enum Command {
     Inspect(inspect::Inspect),
     /// Check a package: every hash, every range, every float.
     Verify(verify::Verify),
+    /// Measure time against error of a stage, beside other tools.
+    Bench(bench::Bench),
     /// Write a shell's completions to standard output.
     Completions(shell::Completions),
     /// Write the manual pages into a folder.
@@ -81,6 +84,7 @@ impl Command {
             Self::Cache(args) => args.run(),
             Self::Inspect(args) => args.run(),
             Self::Verify(args) => args.run(),
+            Self::Bench(args) => args.run(),
             Self::Completions(args) => args.run(),
             Self::Man(args) => args.run(),
         }
