@@ -248,7 +248,7 @@ impl Points {
             let [low, high] = codes.map(|code| levels.value(code) as u32 * 257);
             for (entry, step) in palette.iter_mut().zip(steps) {
                 let step = *step as u32;
-                entry[c] = ((low * (64 - step) + high * step + 32) / 64 >> 8) as f32;
+                entry[c] = (((low * (64 - step) + high * step + 32) / 64) >> 8) as f32;
             }
         }
         for (at, &texel) in members.iter().enumerate() {
