@@ -3,6 +3,7 @@
 pub mod alias;
 pub mod args;
 pub mod cache;
+pub mod codes;
 pub mod commands;
 pub mod constants;
 pub mod content;
@@ -23,6 +24,7 @@ pub mod rebake;
 pub mod report;
 pub mod scene;
 pub mod sky;
+pub mod strict;
 pub mod temporary;
 pub mod textures;
 pub mod twice;
