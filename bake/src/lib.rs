@@ -23,6 +23,8 @@ pub mod args;
 pub mod cache;
 pub mod codes;
 pub mod commands;
+pub mod constants;
+pub mod content;
 pub mod diagnostic;
 pub mod emitters;
 pub mod encode;
