@@ -24,6 +24,9 @@ pub struct Args {
     /// How mips are made.
     #[arg(long, value_enum, default_value = "kaiser")]
     pub mip_filter: MipFilter,
+    /// Only filter the alpha of masked textures: what they cover is not kept over the mips.
+    #[arg(long)]
+    pub plain_alpha: bool,
     /// Encode with this machine's instruction set; the bytes then depend on the machine, and the package says so.
     #[arg(long)]
     pub native_isa: bool,
@@ -95,6 +98,7 @@ impl Args {
         EncodeOptions {
             effort: self.texture_quality,
             filter: self.mip_filter,
+            plain_alpha: self.plain_alpha,
             kernels: if self.native_isa {
                 Kernels::Native
             } else {

@@ -2,6 +2,7 @@
 
 pub mod alias;
 pub mod args;
+pub mod bench;
 pub mod commands;
 pub mod diagnostic;
 pub mod emitters;

@@ -82,8 +82,8 @@ pub fn encode_all(
         .par_iter()
         .map(|wanted| {
             let image = decode_image(&scene.images[wanted.image as usize], limit_pixels)?;
-            let alpha = if is_opaque(&image.texels) {
-                AlphaUse::Ignore
+            let alpha = if wanted.alpha != AlphaUse::Ignore && is_opaque(&image.texels) {
+                AlphaUse::Opaque
             } else {
                 wanted.alpha
             };

@@ -1,6 +1,7 @@
 //! What the program can do: one file a command; without a name it bakes.
 
 mod bake;
+mod bench;
 mod inspect;
 mod shell;
 mod verify;
@@ -38,6 +39,8 @@ pub struct Cli {
 /// What to do in place of a bake.
 #[derive(clap::Subcommand, Debug)]
 pub enum Command {
+    /// Measure a stage against other tools.
+    Bench(bench::Bench),
     /// Show what is inside a package.
     Inspect(inspect::Inspect),
     /// Check a package: every hash, every range, every float.
@@ -71,6 +74,7 @@ impl Command {
     /// The exit code: [`SUCCESS`] or [`NEGATIVE`].
     fn run(self) -> Result<u8, BakeError> {
         match self {
+            Self::Bench(args) => args.run(),
             Self::Inspect(args) => args.run(),
             Self::Verify(args) => args.run(),
             Self::Completions(args) => args.run(),

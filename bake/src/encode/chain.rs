@@ -34,7 +34,7 @@ impl<'a> Chain<'a> {
             source.texels.len() as u64,
             u64::from(source.width) * u64::from(source.height)
         );
-        let opaque = source.alpha == AlphaUse::Ignore;
+        let opaque = matches!(source.alpha, AlphaUse::Ignore | AlphaUse::Opaque);
         let mut plane = Plane {
             width: source.width,
             height: source.height,
@@ -96,7 +96,7 @@ impl<'a> Chain<'a> {
     pub fn descend(&mut self) {
         let weighting = match (self.role, self.source.alpha) {
             (Role::Normal, _) => Weighting::Signed,
-            (_, AlphaUse::Ignore | AlphaUse::Value) => Weighting::Plain,
+            (_, AlphaUse::Ignore | AlphaUse::Opaque | AlphaUse::Value) => Weighting::Plain,
             _ => Weighting::Alpha,
         };
         self.plane = mips::halve(&self.plane, self.options.filter, self.wrap(), weighting);
@@ -111,7 +111,7 @@ impl<'a> Chain<'a> {
             .map(|&texel| self.role.codes(texel))
             .collect();
         let blocks = match self.mask() {
-            Some(grid) if !self.levels.is_empty() => {
+            Some(grid) if !self.levels.is_empty() && !self.options.plain_alpha => {
                 let coverage = self.coverage;
                 let compress = |codes: &[[u8; 4]]| self.compress(self.codec, codes);
                 let found = masked::keep(&grid, &self.alpha(), coverage, &mut codes, &compress);
@@ -174,6 +174,7 @@ impl<'a> Chain<'a> {
             height: self.plane.height,
             codes,
             exact: &self.plane.texels,
+            alpha_is_read: self.source.alpha != AlphaUse::Ignore,
         };
         codec.compress(self.role, &image)
     }
@@ -183,7 +184,7 @@ impl<'a> Chain<'a> {
         let role = self.role;
         let channels = match (role, self.source.alpha) {
             (Role::Normal, _) => 2,
-            (_, AlphaUse::Ignore) => 3,
+            (_, AlphaUse::Ignore | AlphaUse::Opaque) => 3,
             _ => 4,
         };
         let own = self.levels.is_empty() && !self.altered;

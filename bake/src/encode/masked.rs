@@ -200,6 +200,7 @@ mod tests {
                 height,
                 codes,
                 exact: &[],
+                alpha_is_read: true,
             };
             Codec::Bc7 {
                 quality: Quality::Default,
