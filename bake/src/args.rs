@@ -1,22 +1,44 @@
 //! The command line of a bake.
 
-use std::path::PathBuf;
+use std::convert::Infallible;
+use std::path::{Path, PathBuf};
 
+use crate::cache::Place;
 use crate::encode::{Effort, EncodeOptions, Kernels, MipFilter, SkyFormat};
 use crate::environment::{EnvironmentOptions, SunMode};
-use crate::pipeline::DEFAULT_LIMIT_PIXELS;
+use crate::pipeline::{DEFAULT_LIMIT_PIXELS, Options};
 
-/// What to bake, how, and what to print.
+/// What to bake, and what to print.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// The scene: .gltf or .glb.
     pub input: PathBuf,
-    /// The environment: an equirectangular panorama, .hdr or .exr.
-    #[arg(long, value_name = "SKY")]
-    pub env: Option<PathBuf>,
     /// The package to write.
     #[arg(long, short, value_name = "OUT.cairn")]
     pub output: PathBuf,
+    /// Folder of the products of earlier bakes, or `off`; by default $CAIRN_CACHE, or else the user's cache folder.
+    #[arg(long, value_name = "DIR|off", value_parser = |text: &str| Ok::<_, Infallible>(Place::parse(text)))]
+    pub cache: Option<Place>,
+    /// Say of every product whether it was reused, and why not.
+    #[arg(long)]
+    pub explain: bool,
+    /// Print the summary as one JSON object on standard output.
+    #[arg(long)]
+    pub json: bool,
+    /// Print nothing but errors.
+    #[arg(long, short, conflicts_with = "json")]
+    pub quiet: bool,
+    /// Print every row of the speed and error report.
+    #[arg(long, short)]
+    pub verbose: bool,
+}
+
+/// All that decides what a bake makes of its input.
+#[derive(clap::Args, Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// The environment: an equirectangular panorama, .hdr or .exr.
+    #[arg(long, value_name = "SKY")]
+    pub env: Option<PathBuf>,
     /// Effort of the texture encoders: fast, default, best, or the least PSNR of level 0, such as 42dB, for which
     /// each texture gets the cheapest preset that reaches it.
     #[arg(long, value_name = "EFFORT", default_value_t)]
@@ -48,15 +70,6 @@ pub struct Args {
     /// Threads to use; the bytes are the same for any number.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
-    /// Print the summary as one JSON object on standard output.
-    #[arg(long)]
-    pub json: bool,
-    /// Print nothing but errors.
-    #[arg(long, short, conflicts_with = "json")]
-    pub quiet: bool,
-    /// Print every row of the speed and error report.
-    #[arg(long, short)]
-    pub verbose: bool,
 }
 
 /// What becomes of the sun.
@@ -92,7 +105,19 @@ impl IblQuality {
     }
 }
 
-impl Args {
+impl Settings {
+    /// A bake with these settings, without a cache.
+    pub fn options(&self, input: &Path, output: &Path) -> Options {
+        Options {
+            environment: self.env.clone(),
+            textures: self.textures(),
+            light: self.light(),
+            sky_format: self.sky_format,
+            limit_pixels: self.limit_pixels,
+            ..Options::new(input, output)
+        }
+    }
+
     /// Options of the texture encoders.
     pub fn textures(&self) -> EncodeOptions {
         EncodeOptions {

@@ -3,12 +3,23 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use crate::label::Label;
+use crate::label::{Interned, Label};
 use crate::scene::Origin;
 
 /// How much a diagnostic matters.
 #[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
+    rkyv::Archive,
+    rkyv::Serialize,
+    rkyv::Deserialize,
+    Clone,
+    Copy,
+    Debug,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    serde::Serialize,
+    serde::Deserialize,
 )]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
@@ -17,11 +28,22 @@ pub enum Severity {
 }
 
 /// One message about one place in the input.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    rkyv::Archive,
+    rkyv::Serialize,
+    rkyv::Deserialize,
+    Clone,
+    Debug,
+    PartialEq,
+    Eq,
+    serde::Serialize,
+    serde::Deserialize,
+)]
 pub struct Diagnostic {
     pub severity: Severity,
     /// Stable name such as `accessor-out-of-range`.
     #[serde(deserialize_with = "crate::label::read")]
+    #[rkyv(with = Interned)]
     pub code: Label,
     /// File as the user named it, or relative to the scene.
     pub file: String,

@@ -1,11 +1,12 @@
 //! How much light each emissive triangle gives, its texture included, and the table that draws triangles by it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use cairn_format::gpu::{EmissiveAliasEntry, EmissiveAliasHeader, EmissiveTriangle};
 use rayon::prelude::*;
 
 use crate::alias;
+use crate::cache::{Inputs, Kind, Session};
 use crate::diagnostic::Result;
 use crate::encode::srgb::decode_f64;
 use crate::import::decode_image;
@@ -17,6 +18,61 @@ use crate::scene::{Material, Sampler, Scene, Wrap};
 const MAX_STEPS: f32 = 32.0;
 /// Fewest samples along one edge.
 const MIN_STEPS: f32 = 2.0;
+
+/// [`weigh`] by way of the cache.
+///
+/// # Errors
+/// As there.
+pub fn weigh_cached(
+    scene: &Scene,
+    materials: &[Option<u32>],
+    triangles: &mut [EmissiveTriangle],
+    limit_pixels: u64,
+    session: &Session,
+) -> Result<()> {
+    if triangles.is_empty() {
+        return Ok(());
+    }
+    let inputs = || inputs(scene, materials, triangles, limit_pixels);
+    let powers: Vec<f32> = session.fetch(inputs, || {
+        let mut weighed = triangles.to_vec();
+        weigh(scene, materials, &mut weighed, limit_pixels)?;
+        Ok(weighed.iter().map(|triangle| triangle.power).collect())
+    })?;
+    for (triangle, power) in triangles.iter_mut().zip(powers) {
+        triangle.power = power;
+    }
+    Ok(())
+}
+
+/// What decides the powers: the triangles, their materials, and the textures of those.
+fn inputs(
+    scene: &Scene,
+    materials: &[Option<u32>],
+    triangles: &[EmissiveTriangle],
+    limit_pixels: u64,
+) -> Inputs {
+    let used: BTreeSet<u32> = triangles.iter().map(|found| found.material_index).collect();
+    let used = used
+        .iter()
+        .filter_map(|record| materials[*record as usize])
+        .map(|source| &scene.materials[source as usize]);
+    let mut inputs = Inputs::new(Kind::EmissivePowers, module_path!(), "emissive triangles")
+        .content("triangles", bytemuck::cast_slice(triangles))
+        .settings("limit", &limit_pixels);
+    for material in used {
+        inputs = inputs.settings(&format!("material `{}`", material.name), material);
+        if let Some(reference) = MaterialUse::of(Some(material)).emissive {
+            let texture = scene.textures[reference.texture as usize];
+            let sampler = texture.sampler.map(|index| scene.samplers[index as usize]);
+            let image = &scene.images[texture.image as usize];
+            inputs = inputs
+                .content(&format!("image `{}`", image.name), &image.bytes)
+                .settings("sampler", &sampler);
+        }
+    }
+    inputs
+}
 
 /// Fills in the powers of `triangles`; `materials` are the scene's materials of their material records.
 ///

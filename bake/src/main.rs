@@ -6,5 +6,7 @@ use cairn_bake::commands::Cli;
 use clap::Parser;
 
 fn main() -> ExitCode {
-    Cli::parse().run()
+    let cli = Cli::parse();
+    cairn_bake::interrupt::listen();
+    cli.run()
 }

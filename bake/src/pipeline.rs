@@ -9,17 +9,19 @@ use cairn_format::scene::{
 };
 use cairn_format::{SectionKind, Writer, features};
 
-use crate::diagnostic::{BakeError, Result};
+use crate::cache::Session;
+use crate::diagnostic::{BakeError, Diagnostic, Result};
 use crate::encode::{EncodeOptions, SkyFormat};
 use crate::environment::EnvironmentOptions;
-use crate::import::{EnvironmentImage, import, load_environment};
+use crate::import::import;
 use crate::materials::{self, Plan};
-use crate::prepare::{Prepared, StepTime, prepare};
+use crate::panorama::{self, Panorama};
+use crate::prepare::{Prepared, StepTime, prepare_cached};
 use crate::progress::Progress;
-use crate::report::{Row, Section, Stage, Summary};
+use crate::report::{Row, Stage, Summary};
 use crate::scene::{Origin, Sampler, Scene, Source, Wrap};
 use crate::textures::{self, Texels};
-use crate::{emitters, sky, write};
+use crate::{emitters, rebake, write};
 
 /// What to bake, and how.
 #[derive(Clone, Debug)]
@@ -35,6 +37,8 @@ pub struct Options {
     pub sky_format: SkyFormat,
     /// Largest number of texels of one image.
     pub limit_pixels: u64,
+    /// Folder of the products of earlier bakes; `None` makes everything anew. It decides no bytes.
+    pub cache: Option<PathBuf>,
 }
 
 impl Options {
@@ -48,6 +52,7 @@ impl Options {
             light: EnvironmentOptions::default(),
             sky_format: SkyFormat::default(),
             limit_pixels: DEFAULT_LIMIT_PIXELS,
+            cache: None,
         }
     }
 }
@@ -63,17 +68,25 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     let start = Instant::now();
     let mut clock = Clock::default();
     refuse_to_overwrite_an_input(options)?;
+    let session = rebake::session(options);
+    if let Some(mut summary) = rebake::unchanged(&session, options) {
+        clock.lap("unchanged");
+        summary.stages = clock.stages;
+        summary.peak_memory_bytes = peak_memory();
+        summary.seconds = start.elapsed().as_secs_f64();
+        return Ok(summary);
+    }
 
     progress.update("import", 0.0);
     let mut scene = import(&options.input)?;
     let mut environment = options
         .environment
         .as_deref()
-        .map(load_environment)
+        .map(|path| Panorama::open(path, &options.light, options.sky_format, &session))
         .transpose()?;
     clock.lap("import");
 
-    let mut prepared = prepare(&mut scene, &|fraction| {
+    let mut prepared = prepare_cached(&mut scene, &session, &|fraction| {
         progress.update("geometry", fraction)
     })?;
     let geometry_seconds = clock.lap("geometry");
@@ -84,6 +97,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         &plan,
         &options.textures,
         options.limit_pixels,
+        &session,
         &|fraction| {
             progress.update("textures", fraction);
         },
@@ -93,22 +107,23 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     drop(encoded);
     clock.lap("textures");
 
-    emitters::weigh(
+    emitters::weigh_cached(
         &scene,
         &prepared.materials_used,
         &mut prepared.emissive_triangles,
         options.limit_pixels,
+        &session,
     )?;
     let emissive_table = emitters::table(&prepared.emissive_triangles);
     clock.lap("emitters");
 
     let light = store_environment(
-        options,
+        &session,
         &mut texels,
         environment.as_mut(),
         &prepared,
         progress,
-    );
+    )?;
     clock.lap("environment");
 
     progress.update("write", 0.0);
@@ -129,22 +144,28 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         SectionKind::EmissiveAlias,
         bytemuck::cast_slice::<_, u8>(&emissive_table),
     );
-    let (package_bytes, content_hash) = write::write(&options.output, &writer, &root)?;
+    let written = write::write(&options.output, &writer, &root)?;
     clock.lap("write");
     progress.update("write", 1.0);
 
-    let mut summary = summarize(options, &scene, &prepared, &root, &writer, geometry_seconds);
-    summary.diagnostics.extend(
-        environment
-            .map(|image| image.diagnostics)
-            .unwrap_or_default(),
-    );
+    let mut summary = summarize(options, &scene, &prepared, &root, geometry_seconds);
+    summary.diagnostics.extend(light.diagnostics);
     summary.diagnostics.extend(texels.diagnostics);
     summary.report.extend(texels.report);
-    summary.package_bytes = package_bytes;
-    summary.content_hash = hex(&content_hash);
+    summary.package_bytes = written.bytes;
+    summary.content_hash = hex(&written.content_hash);
+    summary.sections = written.sections;
     summary.stages = clock.stages;
     summary.peak_memory_bytes = peak_memory();
+    let panorama = environment.map(|panorama| panorama.source.hash);
+    rebake::remember(
+        session,
+        options,
+        &scene,
+        panorama,
+        written.content_hash,
+        &mut summary,
+    );
     summary.seconds = start.elapsed().as_secs_f64();
     Ok(summary)
 }
@@ -201,31 +222,31 @@ struct StoredLight {
     environment: Option<root::Environment>,
     brdf_lut: Option<u32>,
     alias: Vec<u8>,
+    diagnostics: Vec<Diagnostic>,
 }
 
 fn store_environment(
-    options: &Options,
+    session: &Session,
     texels: &mut Texels,
-    image: Option<&mut EnvironmentImage>,
+    panorama: Option<&mut Panorama>,
     prepared: &Prepared,
     progress: &dyn Progress,
-) -> StoredLight {
+) -> Result<StoredLight> {
     let mut light = StoredLight::default();
-    if let Some(image) = image {
-        let products = sky::bake(image, &options.light, &|stage, fraction| {
+    if let Some(panorama) = panorama {
+        let stored = panorama.store(texels, session, &|stage, fraction| {
             progress.update(&format!("environment: {stage}"), fraction);
-        });
-        light.environment = Some(sky::store(texels, image, &products, options.sky_format));
-        light.alias = products
-            .importance
-            .map_or(Vec::new(), |table| table.to_bytes());
+        })?;
+        light.environment = Some(stored.environment);
+        light.alias = stored.alias;
+        light.diagnostics = stored.diagnostics;
     }
     let lights = !prepared.lights.is_empty() || !prepared.emissive_triangles.is_empty();
     let sheen = prepared.features & features::SHEEN != 0;
     if light.environment.is_some() || lights || sheen {
-        light.brdf_lut = Some(sky::store_lut(texels, sheen));
+        light.brdf_lut = Some(panorama::store_lut(texels, sheen, session)?);
     }
-    light
+    Ok(light)
 }
 
 fn sections<'a>(
@@ -268,7 +289,7 @@ fn sections<'a>(
 /// What the stages produced, on its way into the root.
 struct Products<'a> {
     scene: &'a Scene,
-    panorama: Option<&'a EnvironmentImage>,
+    panorama: Option<&'a Panorama>,
     prepared: &'a Prepared,
     plan: &'a Plan,
     /// Stored image of each of the plan's images.
@@ -350,11 +371,7 @@ fn sampler(sampler: &Sampler) -> root::Sampler {
     }
 }
 
-fn provenance(
-    options: &Options,
-    scene: &Scene,
-    environment: Option<&EnvironmentImage>,
-) -> Provenance {
+fn provenance(options: &Options, scene: &Scene, environment: Option<&Panorama>) -> Provenance {
     let setting = |name: &str, value: String| Setting {
         name: name.into(),
         value,
@@ -421,13 +438,8 @@ fn summarize(
     scene: &Scene,
     prepared: &Prepared,
     root: &root::Scene,
-    writer: &Writer,
     geometry_seconds: f64,
 ) -> Summary {
-    let section = |(kind, bytes): (SectionKind, u64)| Section {
-        name: kind.name(),
-        bytes,
-    };
     Summary {
         input: options.input.display().to_string(),
         output: options.output.display().to_string(),
@@ -444,7 +456,6 @@ fn summarize(
         lights: root.lights.len() as u64,
         cameras: root.cameras.len() as u64,
         features: features::names(root.features),
-        sections: writer.section_bytes().map(section).collect(),
         geometry: prepared.stats,
         report: prepared
             .report

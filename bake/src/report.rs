@@ -4,12 +4,22 @@ use std::fmt::Write;
 
 use serde::{Deserialize, Serialize};
 
+use crate::cache;
 use crate::diagnostic::Diagnostic;
-use crate::label::Label;
+use crate::label::{Interned, Label};
 use crate::prepare::{GeometryStats, StepTime};
 
 /// One row of the speed-against-error report.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(
+    rkyv::Archive,
+    rkyv::Serialize,
+    rkyv::Deserialize,
+    Clone,
+    Debug,
+    PartialEq,
+    Serialize,
+    Deserialize,
+)]
 pub struct Row {
     pub stage: String,
     /// The object, such as an image's name.
@@ -20,6 +30,7 @@ pub struct Row {
     /// In `throughput_unit`; absent where it has no meaning.
     pub throughput: Option<f64>,
     #[serde(deserialize_with = "crate::label::read")]
+    #[rkyv(with = Interned)]
     pub throughput_unit: Label,
     /// Name and unit of the error.
     pub metric: String,
@@ -41,6 +52,8 @@ pub struct Section {
     #[serde(deserialize_with = "crate::label::read")]
     pub name: Label,
     pub bytes: u64,
+    /// BLAKE3 in hexadecimal.
+    pub hash: String,
 }
 
 /// The result of a bake.
@@ -75,6 +88,8 @@ pub struct Summary {
     pub seconds: f64,
     /// Most memory that the process held; known on Linux alone.
     pub peak_memory_bytes: Option<u64>,
+    /// What was reused and why; absent where nothing is kept.
+    pub cache: Option<cache::Report>,
 }
 
 impl Summary {
@@ -112,7 +127,16 @@ impl Summary {
             }
         )?;
         for section in &self.sections {
-            writeln!(out, "  {:<20}{:>14}", section.name, bytes(section.bytes))?;
+            let hash = match verbose {
+                true => format!("  blake3 {}", section.hash),
+                false => String::new(),
+            };
+            writeln!(
+                out,
+                "  {:<20}{:>14}{hash}",
+                section.name,
+                bytes(section.bytes)
+            )?;
         }
         writeln!(
             out,
@@ -127,6 +151,13 @@ impl Summary {
         writeln!(out, "  {:<20}{:>12.3} s", "total", self.seconds)?;
         if let Some(peak) = self.peak_memory_bytes {
             writeln!(out, "  {:<20}{:>14}", "peak memory", bytes(peak))?;
+        }
+        if let Some(cache) = &self.cache {
+            let [hits, misses] = [cache.hits, cache.misses];
+            writeln!(out, "  {:<20}{hits:>9} hits, {misses} misses", "cache")?;
+            if let Some(problem) = &cache.problem {
+                writeln!(out, "  {:<20}cannot be written: {problem}", "cache")?;
+            }
         }
         if verbose {
             self.write_steps(out)?;

@@ -5,19 +5,21 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use cairn_format::TextureFormat;
 use cairn_format::header::{ALIGNMENT, align_up};
 use cairn_format::scene::{IDENTITY_SWIZZLE, Image, ImageRole, Level, Swizzle};
-use rayon::prelude::*;
 
+use crate::bounded;
+use crate::cache::{self, Inputs, Kind, Session};
 use crate::diagnostic::{Diagnostic, Result};
 use crate::encode::{
-    AlphaUse, EncodeOptions, EncodedTexture, Role, Source, TextureReport, encode, is_opaque,
+    AlphaUse, EncodeOptions, EncodedTexture, Kernels, Role, Source, TextureReport, encode,
+    is_opaque,
 };
 use crate::import::decode_image;
-use crate::materials::Plan;
+use crate::materials::{ImageUse, Plan};
 use crate::report::Row;
-use crate::scene::Scene;
+use crate::scene::{Image as SourceImage, Scene};
 
 /// The texel section in the making.
-#[derive(Debug, Default)]
+#[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize, Debug, Default)]
 pub struct Texels {
     pub images: Vec<Image>,
     pub bytes: Vec<u8>,
@@ -63,9 +65,28 @@ impl Texels {
         });
         self.images.len() as u32 - 1
     }
+
+    /// Appends all images of `other`; returns the index of its first.
+    pub fn append(&mut self, other: Self) -> u32 {
+        let first = self.images.len() as u32;
+        self.bytes
+            .resize(align_up(self.bytes.len() as u64, ALIGNMENT) as usize, 0);
+        let start = self.bytes.len() as u64;
+        self.bytes.extend_from_slice(&other.bytes);
+        self.images
+            .extend(other.images.into_iter().map(|mut image| {
+                for level in &mut image.levels {
+                    level.offset += start;
+                }
+                image
+            }));
+        self.report.extend(other.report);
+        self.diagnostics.extend(other.diagnostics);
+        first
+    }
 }
 
-/// Encodes the plan's images in order, each on all cores that are free.
+/// Encodes the plan's images, each on all cores that are free; as many are decoded at once as there are threads.
 ///
 /// # Errors
 /// The first image, in plan order, that cannot be decoded.
@@ -74,34 +95,67 @@ pub fn encode_all(
     plan: &Plan,
     options: &EncodeOptions,
     limit_pixels: u64,
+    session: &Session,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<Vec<EncodedTexture>> {
     let done = AtomicUsize::new(0);
-    let encoded: Vec<Result<EncodedTexture>> = plan
-        .images
-        .par_iter()
-        .map(|wanted| {
-            let image = decode_image(&scene.images[wanted.image as usize], limit_pixels)?;
-            let alpha = if wanted.alpha != AlphaUse::Ignore && is_opaque(&image.texels) {
-                AlphaUse::Opaque
-            } else {
-                wanted.alpha
-            };
-            let source = Source {
-                width: image.width,
-                height: image.height,
-                texels: &image.texels,
-                wrap_u: wanted.sampler.wrap_u,
-                wrap_v: wanted.sampler.wrap_v,
-                alpha,
-            };
-            let texture = encode(&source, wanted.role, options);
-            let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
-            progress(finished as f32 / plan.images.len() as f32);
-            Ok(texture)
-        })
-        .collect();
+    let encoded = bounded::map(plan.images.len(), |index| {
+        let wanted = &plan.images[index];
+        let image = &scene.images[wanted.image as usize];
+        let texture = session.fetch(
+            || inputs(image, wanted, options, limit_pixels),
+            || encode_one(image, wanted, options, limit_pixels),
+        )?;
+        let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
+        progress(finished as f32 / plan.images.len() as f32);
+        Ok(texture)
+    });
     encoded.into_iter().collect()
+}
+
+/// What decides the bytes of a texture.
+fn inputs(image: &SourceImage, wanted: &ImageUse, options: &EncodeOptions, limit: u64) -> Inputs {
+    // Every field by name: a new one does not compile until it is looked at.
+    let ImageUse {
+        image: _,
+        role,
+        alpha,
+        sampler,
+    } = wanted;
+    let name = format!("{} ({role:?})", image.name);
+    let machine = (options.kernels == Kernels::Native).then(cache::processor);
+    Inputs::new(Kind::Texture, module_path!(), name)
+        .content("image", &image.bytes)
+        .settings("role", role)
+        .settings("alpha", alpha)
+        .settings("wrap", &[sampler.wrap_u, sampler.wrap_v])
+        .settings("settings", options)
+        .settings("processor", &machine)
+        // A smaller limit must refuse what a larger one let pass.
+        .settings("limit", &limit)
+}
+
+fn encode_one(
+    image: &SourceImage,
+    wanted: &ImageUse,
+    options: &EncodeOptions,
+    limit_pixels: u64,
+) -> Result<EncodedTexture> {
+    let image = decode_image(image, limit_pixels)?;
+    let alpha = if wanted.alpha != AlphaUse::Ignore && is_opaque(&image.texels) {
+        AlphaUse::Opaque
+    } else {
+        wanted.alpha
+    };
+    let source = Source {
+        width: image.width,
+        height: image.height,
+        texels: &image.texels,
+        wrap_u: wanted.sampler.wrap_u,
+        wrap_v: wanted.sampler.wrap_v,
+        alpha,
+    };
+    Ok(encode(&source, wanted.role, options))
 }
 
 /// Appends the encoded images; equal ones are stored once. Returns the stored index of each.
@@ -235,5 +289,20 @@ mod tests {
             .collect();
         assert_eq!(offsets, [0, 16, 32, 48]);
         assert_eq!(texels.bytes[12..16], [0; 4]);
+
+        let mut other = Texels::default();
+        other.push(&info, levels.into_iter());
+        assert_eq!(texels.append(other), 2);
+        assert_eq!(texels.push(&info, levels.into_iter()), 3);
+        let image = |index: usize| {
+            let levels = texels.images[index].levels.iter();
+            levels
+                .map(|level| {
+                    texels.bytes[level.offset as usize..][..level.length as usize].to_vec()
+                })
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(image(2), levels);
+        assert_eq!(image(3), levels);
     }
 }

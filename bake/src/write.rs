@@ -4,62 +4,55 @@ use std::io::BufWriter;
 use std::path::Path;
 
 use cairn_format::scene::Scene;
-use cairn_format::{Error, Package, Writer};
+use cairn_format::{Error, Package, SectionKind, Writer};
 
 use crate::diagnostic::{BakeError, Result};
+use crate::pipeline::hex;
+use crate::report::Section;
+use crate::temporary::{self, Temporary};
 
-/// Writes to a temporary neighbour of `path`, syncs, opens and verifies it, then renames it. Returns the
-/// file's length and content hash.
+/// The package that was written.
+pub struct Written {
+    pub bytes: u64,
+    /// Of header, section table and root.
+    pub content_hash: [u8; 32],
+    /// In file order.
+    pub sections: Vec<Section>,
+}
+
+/// Writes to a temporary neighbour of `path`, opens and verifies it, syncs, then renames it.
 ///
 /// # Errors
 /// [`BakeError::Io`] where the folder cannot be written; nothing is left behind.
-pub fn write(path: &Path, writer: &Writer, scene: &Scene) -> Result<(u64, [u8; 32])> {
+pub fn write(path: &Path, writer: &Writer, scene: &Scene) -> Result<Written> {
     let io = |source| BakeError::io(path, source);
-    let folder = path
-        .parent()
-        .filter(|folder| !folder.as_os_str().is_empty());
-    let temporary = tempfile::Builder::new()
-        .prefix(".cairn-")
-        .suffix(".tmp")
-        .tempfile_in(folder.unwrap_or(Path::new(".")))
-        .map_err(io)?;
-    let mut buffered = BufWriter::with_capacity(1 << 20, temporary.as_file());
+    let folder = temporary::folder_of(path);
+    temporary::sweep(folder);
+    let temporary = Temporary::create(folder).map_err(io)?;
+    let mut buffered = BufWriter::with_capacity(1 << 20, temporary.file());
     let written = writer.write(scene, env!("CARGO_PKG_VERSION"), &mut buffered);
     written.map_err(|error| match error {
         Error::Io { source, .. } => io(source),
         other => BakeError::Package(other),
     })?;
     drop(buffered);
-    temporary.as_file().sync_all().map_err(io)?;
     let package = Package::open(temporary.path())?;
     package.verify()?;
-    let (length, hash) = (package.header().file_length, package.header().content_hash);
+    let written = describe(&package);
     drop(package);
-    let file = temporary.persist(path).map_err(|error| io(error.error))?;
-    make_readable(&file).map_err(io)?;
-    sync_folder(folder.unwrap_or(Path::new("."))).map_err(io)?;
-    Ok((length, hash))
+    temporary.publish(path).map_err(io)?;
+    Ok(written)
 }
 
-/// Temporary files are private; a package is as readable as any other output.
-#[cfg(unix)]
-fn make_readable(file: &std::fs::File) -> std::io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(std::fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn make_readable(_file: &std::fs::File) -> std::io::Result<()> {
-    Ok(())
-}
-
-/// The rename itself survives a crash once the folder is synced.
-#[cfg(unix)]
-fn sync_folder(folder: &Path) -> std::io::Result<()> {
-    std::fs::File::open(folder)?.sync_all()
-}
-
-#[cfg(not(unix))]
-fn sync_folder(_folder: &Path) -> std::io::Result<()> {
-    Ok(())
+fn describe(package: &Package) -> Written {
+    let sections = package.table().iter().map(|entry| Section {
+        name: SectionKind::from_u32(entry.kind).map_or("unknown", SectionKind::name),
+        bytes: entry.length,
+        hash: hex(&entry.hash),
+    });
+    Written {
+        bytes: package.header().file_length,
+        content_hash: package.header().content_hash,
+        sections: sections.collect(),
+    }
 }

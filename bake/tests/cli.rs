@@ -10,6 +10,7 @@ fn assets() -> PathBuf {
 fn bake(arguments: &[&str]) -> Output {
     let program = env!("CARGO_BIN_EXE_cairn-bake");
     Command::new(program)
+        .env("CAIRN_CACHE", "off")
         .args(arguments)
         .output()
         .expect("cairn-bake runs")

@@ -2,14 +2,16 @@
 
 mod bake;
 mod bench;
+mod cache;
 mod inspect;
 mod shell;
+mod twice;
 mod verify;
 
 use std::path::Path;
 use std::process::ExitCode;
 
-use crate::args::Args;
+use crate::args::{Args, Settings};
 use crate::diagnostic::BakeError;
 
 /// Everything went as asked.
@@ -34,6 +36,9 @@ pub struct Cli {
     pub command: Option<Command>,
     #[command(flatten)]
     pub bake: Option<Args>,
+    // Not in `Args`: clap tells whether those are there only where they are flat.
+    #[command(flatten)]
+    pub settings: Settings,
 }
 
 /// What to do in place of a bake.
@@ -41,6 +46,8 @@ pub struct Cli {
 pub enum Command {
     /// Measure a stage against other tools.
     Bench(bench::Bench),
+    /// Look after the products that earlier bakes left for later ones.
+    Cache(cache::Cache),
     /// Show what is inside a package.
     Inspect(inspect::Inspect),
     /// Check a package: every hash, every range, every float.
@@ -56,7 +63,7 @@ impl Cli {
     pub fn run(self) -> ExitCode {
         let done = match (self.command, self.bake) {
             (Some(command), _) => command.run(),
-            (None, Some(args)) => bake::run(&args),
+            (None, Some(args)) => bake::run(&args, &self.settings),
             // The parser asks for a scene where there is no command.
             (None, None) => Ok(FAILURE),
         };
@@ -75,6 +82,7 @@ impl Command {
     fn run(self) -> Result<u8, BakeError> {
         match self {
             Self::Bench(args) => args.run(),
+            Self::Cache(args) => args.run(),
             Self::Inspect(args) => args.run(),
             Self::Verify(args) => args.run(),
             Self::Completions(args) => args.run(),
@@ -105,12 +113,14 @@ const EXAMPLES: &str = "Examples:
   cairn-bake helmet.gltf --env park.hdr -o helmet.cairn
   cairn-bake hall.glb -o hall.cairn --json > report.json
   cairn-bake hall.glb -o hall.cairn --texture-quality best -v
+  cairn-bake hall.glb -o hall.cairn --explain
+  cairn-bake verify --twice hall.glb
   cairn-bake completions bash > ~/.local/share/bash-completion/completions/cairn-bake
 
 A scene that is named like a command is given with its folder: ./inspect
 
 Exit codes: 0 success, 1 the answer is no (packages differ, a package is damaged),
-2 bad input or unwritable output; then no output file was touched.";
+2 bad input or unwritable output; then no output file was touched; 130 interrupted.";
 
 #[cfg(test)]
 mod tests {

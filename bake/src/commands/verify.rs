@@ -6,16 +6,21 @@ use cairn_format::check::Flow;
 use cairn_format::{Error, Package, Part};
 use serde::Serialize;
 
+use super::twice::Twice;
 use super::{NEGATIVE, SUCCESS, print_json, print_text};
 use crate::diagnostic::{Diagnostic, Result};
 use crate::look::{origin, printable, refused};
 
-/// `cairn-bake verify PACKAGE`.
+/// `cairn-bake verify PACKAGE`, and `verify --twice SCENE`.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 sound, 1 damaged, 2 no package, or one of another version.")]
+#[command(
+    after_help = "Exit codes: 0 sound (--twice: equal), 1 damaged (different), 2 no package, or one of another version (bad input)."
+)]
 pub struct Verify {
-    /// The package.
+    /// The package; with --twice, the scene.
     path: PathBuf,
+    #[command(flatten)]
+    twice: Twice,
     /// Print every broken rule, not only the first.
     #[arg(long)]
     all: bool,
@@ -54,6 +59,10 @@ struct Finding {
 
 impl Verify {
     pub(super) fn run(&self) -> Result<u8> {
+        self.twice.check()?;
+        if self.twice.twice {
+            return self.twice.run(&self.path, self.json, self.quiet);
+        }
         let verdict = self.examine()?;
         if self.json {
             print_json(&verdict)?;

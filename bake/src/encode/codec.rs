@@ -11,7 +11,7 @@ use super::{EncodeOptions, Kernels, Quality, Role, bc5, bc7};
 const BLOCKS_PER_CALL: usize = 256;
 
 /// A block encoder at one setting.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Codec {
     /// Four channels of 8-bit codes; the squared error of the codes is made small.
     Bc7 { quality: Quality, kernels: Kernels },

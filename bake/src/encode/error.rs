@@ -7,7 +7,9 @@ use super::role::{Role, unit_normal};
 use super::{bc, srgb};
 
 /// Angles between stored and exact normals, degrees.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(
+    rkyv::Archive, rkyv::Serialize, rkyv::Deserialize, Clone, Copy, Debug, PartialEq, Serialize,
+)]
 pub struct AngleError {
     pub p50: f64,
     pub p99: f64,

@@ -64,7 +64,7 @@ pub struct Source<'a> {
 }
 
 /// A full mip chain in one block format.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize, Clone, Debug, PartialEq)]
 pub struct EncodedTexture {
     pub format: TextureFormat,
     pub width: u32,
@@ -75,7 +75,7 @@ pub struct EncodedTexture {
 }
 
 /// What was lost and how long it took. All but the times is deterministic.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize, Clone, Debug, PartialEq, Serialize)]
 pub struct TextureReport {
     /// The encoder that was chosen.
     #[serde(skip)]

@@ -9,7 +9,20 @@ use super::MipFilter;
 
 /// Effort of the BC7 encoders. BC5 and BC4 have one setting, a search over f32 texels.
 #[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, clap::ValueEnum,
+    rkyv::Archive,
+    rkyv::Serialize,
+    rkyv::Deserialize,
+    Clone,
+    Copy,
+    Debug,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Default,
+    Serialize,
+    clap::ValueEnum,
 )]
 #[serde(rename_all = "lowercase")]
 pub enum Quality {
@@ -102,7 +115,19 @@ impl FromStr for Effort {
 }
 
 /// Which encoders run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, Serialize)]
+#[derive(
+    rkyv::Archive,
+    rkyv::Serialize,
+    rkyv::Deserialize,
+    Clone,
+    Copy,
+    Debug,
+    PartialEq,
+    Eq,
+    Hash,
+    Default,
+    Serialize,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Kernels {
     /// Our own encoders, whose arithmetic leaves processors no choice: the same bytes on every machine.

@@ -267,7 +267,7 @@ impl Context {
 }
 
 /// Reads a regular file whole. Pipes and devices are refused: they may never end.
-pub(super) fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
+pub(crate) fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
     if !std::fs::metadata(path)?.is_file() {
         return Err(std::io::Error::other("not a regular file"));
     }

@@ -57,10 +57,27 @@ type Texels = (u32, u32, Vec<[f32; 3]>);
 /// `BakeError::Io` where the file cannot be read, `BakeError::Input` where it is broken, too
 /// large, or in a variant that is not supported.
 pub fn load_environment(path: &Path) -> Result<EnvironmentImage> {
+    let (bytes, source) = read_environment(path)?;
+    decode_environment(path, &bytes, source)
+}
+
+/// Reads the file of an environment image without looking into it.
+///
+/// # Errors
+/// `BakeError::Io` where the file cannot be read.
+pub fn read_environment(path: &Path) -> Result<(Vec<u8>, Source)> {
     let bytes = read_file(path).map_err(|error| BakeError::io(path, error))?;
-    let name = path.display().to_string();
-    let source = describe(name.replace('\\', "/"), &bytes);
-    decode(&bytes, name, source)
+    let name = path.display().to_string().replace('\\', "/");
+    let source = describe(name, &bytes);
+    Ok((bytes, source))
+}
+
+/// Decodes an environment image; the format is told by content.
+///
+/// # Errors
+/// `BakeError::Input` where it is broken, too large, or in a variant that is not supported.
+pub fn decode_environment(path: &Path, bytes: &[u8], source: Source) -> Result<EnvironmentImage> {
+    decode(bytes, path.display().to_string(), source)
 }
 
 fn decode(bytes: &[u8], file: String, source: Source) -> Result<EnvironmentImage> {

@@ -34,8 +34,12 @@ use std::path::Path;
 use crate::diagnostic::Result;
 use crate::scene::{Material, Mesh, Scene};
 
-pub use environment::{EnvironmentImage, ReplacedTexels, load_environment};
+pub use environment::{
+    EnvironmentImage, ReplacedTexels, decode_environment, load_environment, read_environment,
+};
 pub use image::{DecodedImage, decode_image};
+
+pub(crate) use context::read_file;
 
 use context::Context;
 use node::Placed;

@@ -1,19 +1,19 @@
 //! Fills the vertex and index arenas with what is drawn.
 
 use std::cmp::Reverse;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use cairn_format::gpu::VertexColor;
 use cairn_format::scene::{self, Bounds};
 use cairn_format::{Aabb, Vertex};
-use rayon::prelude::*;
 
+use crate::cache::Session;
 use crate::diagnostic::{Diagnostic, Result};
-use crate::scene::{AlphaMode, Primitive, Scene};
+use crate::scene::{AlphaMode, Scene};
 
-use super::materials::{self, MaterialUse};
+use super::group::{self, Job};
+use super::materials;
 use super::order::Policy;
-use super::primitive::{self, Built};
+use super::primitive::Built;
 use super::steps::Steps;
 use super::{GeometryStats, colors, fault, origin};
 
@@ -41,21 +41,16 @@ pub(super) struct Stored {
     pub(super) diagnostics: Vec<Diagnostic>,
 }
 
-/// A primitive to build.
-struct Job {
-    /// Index into the scene's meshes.
-    mesh: usize,
-    material: Option<u32>,
-    policy: Policy,
-    primitive: Primitive,
-}
-
 /// Stores every mesh that a node draws, in the order of the scene, and takes the primitives out of it.
 /// `progress` gets 0..=1.
-pub(super) fn build(scene: &mut Scene, progress: &(dyn Fn(f32) + Sync)) -> Result<Stored> {
+pub(super) fn build(
+    scene: &mut Scene,
+    session: &Session,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<Stored> {
     let jobs = take_drawn(scene);
     let sources: Vec<_> = jobs.iter().map(|job| (job.mesh, job.material)).collect();
-    let built = build_all(scene, jobs, progress);
+    let built = group::build_all(scene, session, jobs, progress)?;
     let mut stored = Stored {
         mesh_numbers: vec![None; scene.meshes.len()],
         ..Stored::default()
@@ -113,24 +108,6 @@ fn take_drawn(scene: &mut Scene) -> Vec<Job> {
         jobs[job].policy.measure_overdraw = true;
     }
     jobs
-}
-
-fn build_all(scene: &Scene, jobs: Vec<Job>, progress: &(dyn Fn(f32) + Sync)) -> Vec<Built> {
-    let total: u64 = jobs
-        .iter()
-        .map(|job| job.primitive.indices.len() as u64)
-        .sum();
-    let done = AtomicU64::new(0);
-    jobs.into_par_iter()
-        .map(|job| {
-            let uses = MaterialUse::of(materials::get(scene, job.material));
-            let corners = job.primitive.indices.len() as u64;
-            let built = primitive::build(job.primitive, &uses, job.policy);
-            let before = done.fetch_add(corners, Ordering::Relaxed);
-            progress(((before + corners) as f64 / total as f64) as f32);
-            built
-        })
-        .collect()
 }
 
 fn reserve(scene: &Scene, stored: &mut Stored, built: &[Built]) -> Result<()> {
@@ -251,7 +228,7 @@ impl Records {
 mod tests {
     use super::*;
     use crate::prepare::testing::{grid, node, normal_mapped, one_mesh};
-    use crate::scene::Mesh;
+    use crate::scene::{Mesh, Primitive};
     use glam::DMat4;
 
     fn mesh(name: &str, primitives: Vec<Primitive>) -> Mesh {
@@ -290,7 +267,7 @@ mod tests {
         scene.instances = [3, 2, 1, 2]
             .map(|mesh| node(mesh, DMat4::IDENTITY))
             .to_vec();
-        let stored = build(&mut scene, &|_| ()).expect("the scene is valid");
+        let stored = build(&mut scene, &Session::off(), &|_| ()).expect("the scene is valid");
         let names: Vec<&str> = stored
             .meshes
             .iter()
@@ -328,13 +305,13 @@ mod tests {
         let mut scene = one_mesh(with_material(Some(0)));
         scene.materials = vec![normal_mapped(1)];
         assert!(
-            build(&mut scene.clone(), &|_| ())
+            build(&mut scene.clone(), &Session::off(), &|_| ())
                 .expect("valid")
                 .diagnostics
                 .is_empty()
         );
         scene.meshes[0].primitives[0].uv1 = None;
-        let stored = build(&mut scene, &|_| ()).expect("valid");
+        let stored = build(&mut scene, &Session::off(), &|_| ()).expect("valid");
         assert_eq!(stored.stats.missing_normal_uvs, 1);
         assert_eq!(stored.diagnostics.len(), 1);
         assert_eq!(stored.diagnostics[0].code, "tangents-arbitrary");

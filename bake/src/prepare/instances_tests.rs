@@ -8,7 +8,8 @@ use crate::prepare::testing::{Random, grid, node, one_mesh};
 use crate::scene::{Material, Mesh, Primitive};
 
 fn placed(scene: &Scene) -> (Stored, Placed) {
-    let stored = geometry::build(&mut scene.clone(), &|_| ()).expect("the scene is valid");
+    let stored = geometry::build(&mut scene.clone(), &crate::cache::Session::off(), &|_| ())
+        .expect("the scene is valid");
     let placed = place(scene, &stored).expect("the scene is in range");
     (stored, placed)
 }
@@ -187,7 +188,8 @@ fn overflow_names_the_node() {
         scene.instances[0].name = "giant".into();
         scene.instances[0].world =
             DMat4::from_scale(DVec3::splat(scale)) * DMat4::from_rotation_z(0.8);
-        let stored = geometry::build(&mut scene.clone(), &|_| ()).expect("the mesh is fine");
+        let stored = geometry::build(&mut scene.clone(), &crate::cache::Session::off(), &|_| ())
+            .expect("the mesh is fine");
         let error = place(&scene, &stored).expect_err("the world position overflows");
         assert!(error.to_string().contains("node `giant`"), "{error}");
     }

@@ -4,6 +4,7 @@ mod bounds;
 mod colors;
 mod emission;
 mod geometry;
+mod group;
 mod instances;
 mod lights;
 mod materials;
@@ -26,6 +27,7 @@ use cairn_format::bounds::{CLUSTER, clusters};
 use cairn_format::scene::{self, ReportRow};
 use cairn_format::{Aabb, Vertex, features, gpu};
 
+use crate::cache::Session;
 use crate::diagnostic::{BakeError, Diagnostic, Result};
 use crate::scene::{Origin, Scene};
 
@@ -89,7 +91,18 @@ pub struct Prepared {
 }
 
 /// What happened to the geometry. Vertices and triangles count once per stored primitive.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    rkyv::Archive,
+    rkyv::Serialize,
+    rkyv::Deserialize,
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    serde::Serialize,
+    serde::Deserialize,
+)]
 pub struct GeometryStats {
     /// Stored triangles.
     pub triangles: u64,
@@ -181,6 +194,14 @@ fn ratio(count: u64, of: u64) -> f64 {
     }
 }
 
+/// [`prepare_cached`] without a cache.
+///
+/// # Errors
+/// As there.
+pub fn prepare(scene: &mut Scene, progress: &(dyn Fn(f32) + Sync)) -> Result<Prepared> {
+    prepare_cached(scene, &Session::off(), progress)
+}
+
 /// Prepares `scene`, and takes the primitives out of its meshes to do so. `progress` is called with the fraction done, from any thread, ending in 1.
 ///
 /// The result does not depend on the number of threads.
@@ -188,9 +209,13 @@ fn ratio(count: u64, of: u64) -> f64 {
 /// # Errors
 /// `BakeError::Input` where the scene breaks a promise of [`crate::scene`], an attribute is not finite,
 /// an instance leaves the range of f32, or a count leaves that of the package.
-pub fn prepare(scene: &mut Scene, progress: &(dyn Fn(f32) + Sync)) -> Result<Prepared> {
+pub fn prepare_cached(
+    scene: &mut Scene,
+    session: &Session,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<Prepared> {
     validate::scene(scene)?;
-    let geometry = geometry::build(scene, &|done| progress(done * 0.9))?;
+    let geometry = geometry::build(scene, session, &|done| progress(done * 0.9))?;
     let mut steps = geometry.steps;
     let mut placed = steps.time(Step::Bounds, 0, || instances::place(scene, &geometry))?;
     let mut diagnostics = geometry.diagnostics.clone();

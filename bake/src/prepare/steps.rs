@@ -55,7 +55,7 @@ impl StepTime {
 }
 
 /// Times of all steps; they are no part of a package.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize, Clone, Copy, Debug, Default)]
 pub(super) struct Steps([(f64, u64); NAMES.len()]);
 
 impl Steps {

@@ -180,12 +180,7 @@ fn ignored_alpha_serves_colour() {
 /// What a block becomes depends neither on its neighbours nor on how many are searched side by side.
 #[test]
 fn blocks_are_the_same_in_any_company() {
-    let blocks = [
-        gradients(true, 9),
-        gradients(false, 5),
-        noise_and_edges(),
-    ]
-    .concat();
+    let blocks = [gradients(true, 9), gradients(false, 5), noise_and_edges()].concat();
     for (quality, alpha_is_read) in QUALITIES.into_iter().flat_map(|q| [(q, true), (q, false)]) {
         let step = if quality == Quality::Best { 24 } else { 4 };
         let blocks: Vec<Texels16> = blocks.iter().step_by(step).copied().collect();
