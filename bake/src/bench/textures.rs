@@ -145,7 +145,6 @@ pub fn load(path: &Path, limit_pixels: u64) -> Result<DecodedImage> {
             file: path.display().to_string(),
             pointer: String::new(),
         },
-        ..Image::default()
     };
     decode_image(&image, limit_pixels)
 }
@@ -185,7 +184,7 @@ fn measure(encoder: &Encoder, picture: &Picture, least: f64) -> (f64, [f64; 2]) 
     let blocks = blocks(picture);
     let mut out = vec![[0_u8; 16]; blocks.len()];
     let seconds = cpu::of_one(least, || encoder.compress(&blocks, picture.alpha, &mut out));
-    let decoded: Vec<[[u8; 4]; 16]> = out.iter().map(|block| peers::decode(block)).collect();
+    let decoded: Vec<[[u8; 4]; 16]> = out.iter().map(peers::decode).collect();
     (seconds, block_errors(&blocks, &decoded, picture.alpha))
 }
 
@@ -260,11 +259,11 @@ mod tests {
         assert_eq!(errors(&exact, &exact.texels), [999.0, 0.0]);
         // One block of two is off by two in one channel: a mean of 4/3 there, half of it over both.
         let mut off = exact.texels.clone();
-        for index in 0..32 {
+        for (index, texel) in off.iter_mut().enumerate() {
             if index % 8 < 4 {
-                off[index][0] += 2;
+                texel[0] += 2;
             }
-            off[index][3] = 0;
+            texel[3] = 0;
         }
         let [psnr, p99] = errors(&exact, &off);
         assert!(
