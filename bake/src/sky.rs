@@ -3,19 +3,17 @@
 use std::time::Instant;
 
 use cairn_format::TextureFormat;
+use cairn_format::brdf_table::BRDF_TABLE_SIZE;
 use cairn_format::scene::{Environment, IDENTITY_SWIZZLE, ImageRole, Sun};
 
 use crate::encode::SkyFormat;
 use crate::environment::{
-    Cube, DEFAULT_LUT_SIZE, EnvironmentOptions, EnvironmentProducts, Equirect, bake_environment,
-    brdf_lut, level_roughness,
+    Cube, EnvironmentOptions, EnvironmentProducts, Equirect, bake_environment, brdf_lut,
+    level_roughness,
 };
 use crate::import::EnvironmentImage;
 use crate::report::Row;
 use crate::textures::{ImageInfo, Texels};
-
-/// Edge length of the BRDF table.
-const LUT_SIZE: u32 = DEFAULT_LUT_SIZE;
 
 /// Bakes the cubes of a panorama, whose texels are taken out of `image`.
 pub fn bake(
@@ -91,7 +89,7 @@ pub fn store(
 
 /// Appends the BRDF table; returns its image index.
 pub fn store_lut(texels: &mut Texels, sheen: bool) -> u32 {
-    let halves: Vec<u8> = brdf_lut(LUT_SIZE, sheen)
+    let halves: Vec<u8> = brdf_lut(BRDF_TABLE_SIZE, sheen)
         .iter()
         .flatten()
         .flat_map(|value| half::f16::from_f32(*value).to_le_bytes())
@@ -101,8 +99,8 @@ pub fn store_lut(texels: &mut Texels, sheen: bool) -> u32 {
         role: ImageRole::Environment,
         format: TextureFormat::Rgba16Float,
         swizzle: IDENTITY_SWIZZLE,
-        width: LUT_SIZE,
-        height: LUT_SIZE,
+        width: BRDF_TABLE_SIZE,
+        height: BRDF_TABLE_SIZE,
         layers: 1,
     };
     texels.push(&info, std::iter::once(halves.as_slice()))

@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use crate::gpu::{CONSTANTS, Field, records};
+use crate::brdf_table;
+use crate::gpu::{CONSTANTS, Field, NUMBERS, records};
 
 /// The whole text of `shaders/common/gpu.glsl`.
 pub fn gpu_glsl() -> String {
@@ -15,6 +16,9 @@ pub fn gpu_glsl() -> String {
     for (name, value) in CONSTANTS {
         let _ = writeln!(out, "const uint {name} = 0x{value:x}u;");
     }
+    for (name, value) in NUMBERS {
+        let _ = writeln!(out, "const float {name} = {value:?};");
+    }
     for (name, size, fields) in records() {
         let _ = writeln!(out, "\n// {size} bytes\nstruct {name} {{");
         for field in fields {
@@ -22,6 +26,7 @@ pub fn gpu_glsl() -> String {
         }
         out.push_str("};\n");
     }
+    out.push_str(brdf_table::GLSL);
     out.push_str("\n#endif\n");
     out
 }

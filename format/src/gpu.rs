@@ -6,8 +6,10 @@
 
 use bytemuck::Zeroable;
 
+use crate::brdf_table::{BRDF_TABLE_SIZE, MIN_LIGHT_ROUGHNESS};
+
 use crate::record::gpu_record;
-pub use crate::record::{Field, GlslType, Record};
+pub use crate::record::{Field, FileField, FileType, GlslType, Record, RecordLayout};
 pub use crate::tracing::*;
 
 gpu_record! {
@@ -400,7 +402,11 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("FEATURE_SHADOWS", FEATURE_SHADOWS),
     ("FEATURE_AO", FEATURE_AO),
     ("FEATURE_CONTACT_SHADOWS", FEATURE_CONTACT_SHADOWS),
+    ("BRDF_TABLE_SIZE", BRDF_TABLE_SIZE),
 ];
+
+/// Name and value of every number with a fraction that shaders share.
+pub const NUMBERS: &[(&str, f32)] = &[("MIN_LIGHT_ROUGHNESS", MIN_LIGHT_ROUGHNESS)];
 
 /// Name, size and fields of every record, in declaration order.
 pub fn records() -> Vec<(&'static str, usize, &'static [Field])> {

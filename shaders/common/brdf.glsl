@@ -11,8 +11,6 @@
 #include "material.glsl"
 #include "options.glsl"
 
-// Perceptual roughness below which a punctual light's highlight would vanish between pixels and D overflow.
-const float MIN_LIGHT_ROUGHNESS = 0.045;
 const float MIN_NDOTV = 1e-4;
 // KHR_materials_clearcoat: an index of refraction of 1.5.
 const float CLEARCOAT_F0 = 0.04;
@@ -127,7 +125,7 @@ vec3 fitted_table(float n_dot_v, float r) {
 
 // A, B, C and the albedo of white sheen of the same roughness (which needs HAS_LUT).
 vec4 brdf_table(float n_dot_v, float roughness) {
-    return HAS_LUT ? textureLod(textures[global.brdf_lut_index], vec2(n_dot_v, roughness), 0.0)
+    return HAS_LUT ? textureLod(textures[global.brdf_lut_index], brdf_table_uv(n_dot_v, roughness), 0.0)
                    : vec4(fitted_table(n_dot_v, roughness), 0.0);
 }
 

@@ -23,6 +23,8 @@ const uint LIGHT_EMITTERS = 0x8u;
 const uint FEATURE_SHADOWS = 0x1u;
 const uint FEATURE_AO = 0x2u;
 const uint FEATURE_CONTACT_SHADOWS = 0x4u;
+const uint BRDF_TABLE_SIZE = 0x40u;
+const float MIN_LIGHT_ROUGHNESS = 0.045;
 
 // 56 bytes
 struct Vertex {
@@ -214,7 +216,7 @@ struct PathTracePush {
     uint directional_light_count;
     uint64_t vertices;
     uint emissive_count;
-    uint pad_108;
+    uint merged_geometries;
 };
 
 // 32 bytes
@@ -293,5 +295,13 @@ struct VisiblePush {
     uint draw_groups;
     uvec4 layer;
 };
+
+// Coordinates of the BRDF table (cairn-format's brdf_table.rs).
+vec2 brdf_table_uv(float n_dot_v, float roughness) {
+    float x = pow(clamp(n_dot_v, 0.0, 1.0), 1.0 / 3.0);
+    float y = sqrt(clamp((roughness - MIN_LIGHT_ROUGHNESS) / (1.0 - MIN_LIGHT_ROUGHNESS), 0.0, 1.0));
+    float size = float(BRDF_TABLE_SIZE);
+    return (vec2(x, y) * (size - 1.0) + 0.5) / size;
+}
 
 #endif

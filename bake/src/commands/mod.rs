@@ -3,7 +3,10 @@
 mod bake;
 mod bench;
 mod cache;
+mod diff;
+mod extract;
 mod inspect;
+mod report;
 mod shell;
 mod twice;
 mod verify;
@@ -50,8 +53,16 @@ pub enum Command {
     Cache(cache::Cache),
     /// Show what is inside a package.
     Inspect(inspect::Inspect),
+    /// Write a texture, a cube or a mesh of a package back out.
+    Extract(extract::Extract),
+    /// Tell two packages apart: sections, meshes, materials, textures, instances.
+    Diff(diff::Diff),
+    /// Write one page about a package: picture, sizes, times, errors, textures.
+    Report(report::Report),
     /// Check a package: every hash, every range, every float.
     Verify(verify::Verify),
+    /// Measure time against error of a stage, beside other tools.
+    Bench(bench::Bench),
     /// Write a shell's completions to standard output.
     Completions(shell::Completions),
     /// Write the manual pages into a folder.
@@ -84,7 +95,11 @@ impl Command {
             Self::Bench(args) => args.run(),
             Self::Cache(args) => args.run(),
             Self::Inspect(args) => args.run(),
+            Self::Extract(args) => args.run(),
+            Self::Diff(args) => args.run(),
+            Self::Report(args) => args.run(),
             Self::Verify(args) => args.run(),
+            Self::Bench(args) => args.run(),
             Self::Completions(args) => args.run(),
             Self::Man(args) => args.run(),
         }

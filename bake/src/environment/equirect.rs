@@ -120,6 +120,14 @@ impl Rows {
         self.edges[row] - fraction * self.thickness(row)
     }
 
+    /// Upper and lower `y` of the parts of a row in which every blending function is linear.
+    pub fn linear_parts(&self, row: usize) -> impl Iterator<Item = (f64, f64)> {
+        let (top, bottom) = (self.edges[row], self.edges[row + 1]);
+        let (upper, lower) = (top - self.ramps[row], bottom + self.ramps[row + 1]);
+        let parts = [(top, upper), (upper, lower), (lower, bottom)];
+        parts.into_iter().filter(|(high, low)| high - low > 1e-12)
+    }
+
     fn row_at(&self, y: f64) -> usize {
         let last = self.count() - 1;
         let slice = (0.5 - 0.5 * y).max(0.0) * self.slices.len() as f64;
@@ -236,6 +244,26 @@ mod tests {
         }
         for row in 0..9 {
             assert!((exact[row] - summed[row]).abs() < 1e-9, "row {row}");
+        }
+    }
+
+    #[test]
+    fn parts_of_a_row_are_linear_and_make_it_up() {
+        let rows = Rows::new(7);
+        for row in 0..7 {
+            let thickness: f64 = rows.linear_parts(row).map(|(high, low)| high - low).sum();
+            assert!((thickness - rows.thickness(row)).abs() < 1e-12);
+            for (high, low) in rows.linear_parts(row) {
+                let own = |y: f64| {
+                    let mut share = 0.0;
+                    rows.blend(y, |at, weight| {
+                        share += if at == row { weight } else { 0.0 }
+                    });
+                    share
+                };
+                let at = |t: f64| own(high + (low - high) * t);
+                assert!((at(0.25) + at(0.75) - 2.0 * at(0.5)).abs() < 1e-9, "{row}");
+            }
         }
     }
 

@@ -23,9 +23,36 @@ macro_rules! lobe_weight {
 }
 
 lobe_weight!(lobe_weight, f64);
-lobe_weight!(lobe_weight_f32, f32);
+
+/// Weight of `D(h) n.l` at `V = R = N`, up to a constant factor: the lobe without its shadowing term.
+pub(super) fn half_vector_weight(distance_squared: f64, alpha: f64) -> f64 {
+    let alpha_squared = alpha * alpha;
+    let cosine = (1.0 - 0.5 * distance_squared).max(0.0);
+    let half_sine_squared = 0.25 * distance_squared;
+    let base = half_sine_squared + alpha_squared * (1.0 - half_sine_squared);
+    alpha_squared * cosine / (base * base)
+}
+
+/// Mean of [`lobe_weight`] over directions with the given mean, whose squared distance from the normal is given, and
+/// variance `spread = 1 - |mean|^2`, taken to be even around the mean.
+///
+/// The lobe is a function of `1 - n.l`, whose mean is exact; the second derivative in it is that of the squared
+/// denominator, beside which the rest of the lobe is flat.
+#[inline(always)]
+pub(super) fn mean_lobe_weight(distance_squared: f32, spread: f32, alpha_squared: f32) -> f32 {
+    let versine = 0.5 * (distance_squared + spread);
+    let cosine = (1.0 - versine).max(0.0);
+    let half_sine_squared = 0.5 * versine;
+    let base = half_sine_squared + alpha_squared * (1.0 - half_sine_squared);
+    let smith = cosine + (cosine * cosine * (1.0 - alpha_squared) + alpha_squared).sqrt();
+    let inverse = 1.0 / (base * base * smith);
+    let sharpness = 1.0 - alpha_squared;
+    let bend = 0.375 * sharpness * sharpness * spread * versine * (2.0 - versine) * smith * inverse;
+    alpha_squared * cosine * inverse * (1.0 + bend)
+}
 
 /// Height-correlated Smith visibility `G2 / (4 n.l n.v)`.
+#[cfg(test)]
 pub(super) fn smith_visibility(n_dot_l: f64, n_dot_v: f64, alpha: f64) -> f64 {
     let a2 = alpha * alpha;
     let view = n_dot_l * (n_dot_v * n_dot_v * (1.0 - a2) + a2).sqrt();
@@ -62,9 +89,46 @@ mod tests {
                 let r = lobe_weight(distance_squared, alpha) / textbook;
                 let expected = *ratio.get_or_insert(r);
                 assert!((r / expected - 1.0).abs() < 1e-9, "{alpha} {degrees}");
-                let single = lobe_weight_f32(distance_squared as f32, alpha as f32);
+                let single = mean_lobe_weight(distance_squared as f32, 0.0, (alpha * alpha) as f32);
                 let double = lobe_weight(distance_squared, alpha);
                 assert!((f64::from(single) / double - 1.0).abs() < 1e-4);
+            }
+        }
+    }
+
+    #[test]
+    fn spread_cells_weigh_what_their_directions_do() {
+        for alpha in [0.04_f64, 0.16, 0.36, 0.64] {
+            for degrees in [0.0_f64, 0.5, 2.0, 5.0, 20.0, 60.0] {
+                let angle = degrees.to_radians();
+                // A square as wide as half the lobe where it is.
+                let side = 0.5 * (angle * angle + 4.0 * alpha * alpha).sqrt().min(0.8);
+                let (mut mean, mut exact) = (DVec3::ZERO, 0.0);
+                let steps = 40;
+                for k in 0..steps * steps {
+                    let at = |k: usize| ((k as f64 + 0.5) / steps as f64 - 0.5) * side;
+                    let (x, z) = (at(k % steps), at(k / steps));
+                    let turned = angle + x;
+                    let light = DVec3::new(turned.sin(), turned.cos(), z.tan()).normalize();
+                    mean += light;
+                    exact += lobe_weight((DVec3::Y - light).length_squared(), alpha);
+                }
+                let count = (steps * steps) as f64;
+                mean /= count;
+                exact /= count;
+                let spread = 1.0 - mean.length_squared();
+                let found = f64::from(mean_lobe_weight(
+                    (DVec3::Y - mean).length_squared() as f32,
+                    spread as f32,
+                    (alpha * alpha) as f32,
+                ));
+                let flat = lobe_weight((DVec3::Y - mean.normalize()).length_squared(), alpha);
+                let (error, before) = ((found / exact - 1.0).abs(), (flat / exact - 1.0).abs());
+                assert!(error < 4e-2, "{alpha} {degrees}: {error}");
+                assert!(
+                    error < 0.6 * before + 3e-3,
+                    "{alpha} {degrees}: {error}, {before}"
+                );
             }
         }
     }

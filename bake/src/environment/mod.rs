@@ -1,37 +1,47 @@
 //! Bakes an equirectangular sky into the cube maps of image-based light.
 
+pub mod bench;
 mod brdf_lut;
 mod cells;
 mod cubemap;
+mod cut;
 mod equirect;
 mod ggx;
 mod harmonics;
 mod importance;
 mod irradiance;
+mod lattice;
+mod mirrors;
 mod prefilter;
 mod quadrature;
 mod range;
 mod resample;
 mod sheen;
+mod simd;
 mod sun;
+mod taps;
 #[cfg(test)]
 mod tests;
 mod verify;
 
 use std::time::Instant;
 
-pub use brdf_lut::{DEFAULT_LUT_SIZE, brdf_lut};
+pub use brdf_lut::brdf_lut;
 pub(crate) use cubemap::texel_at;
 pub use cubemap::{Cube, HALF_MAX, face_direction, level_to_rgba16f};
 pub use equirect::Equirect;
 pub use importance::ImportanceTable;
 pub use prefilter::level_roughness;
 pub use sun::{ExtractedSun, SunMode};
+pub use verify::Kernel;
 
 use equirect::Rows;
+use verify::Oracle;
 
 /// Finest level the lobe and cosine integrals read; finer skies are averaged to it.
 const LARGEST_CELL_LEVEL: u32 = 512;
+/// Finest cells per face side times the alpha of the sharpest lobe, at least.
+const CELLS_PER_LOBE: f64 = 16.0;
 /// Side of the sky level that irradiance sums.
 const IRRADIANCE_CELLS: u32 = 64;
 /// Smallest sky cube, so that tiny maps keep their smooth reconstruction.
@@ -223,14 +233,20 @@ impl Sizes {
             .min(limit);
         let prefiltered = power(options.prefiltered_size, 8);
         let last = power(options.prefiltered_last, 1).min(prefiltered);
-        let base = sky.max(prefiltered).max(IRRADIANCE_CELLS);
+        let prefiltered_levels = levels_between(prefiltered, last) + 1;
+        let sharpest = level_roughness(1, prefiltered_levels.max(2)).powi(2);
+        let cells = power(libm::ceil(CELLS_PER_LOBE / sharpest) as u32, 8);
+        let base = sky
+            .max(prefiltered)
+            .max(IRRADIANCE_CELLS)
+            .max(cells.min(LARGEST_CELL_LEVEL));
         Self {
             sky,
             base,
             cells: base.min(LARGEST_CELL_LEVEL.max(prefiltered)),
             irradiance: power(options.irradiance_size, 1),
             prefiltered,
-            prefiltered_levels: levels_between(prefiltered, last) + 1,
+            prefiltered_levels,
         }
     }
 }
@@ -241,7 +257,7 @@ fn levels_between(large: u32, small: u32) -> usize {
 }
 
 /// The level that diffuse light sums.
-fn summed(cells: &[cells::CellLevel]) -> &cells::CellLevel {
+fn summed<'a, 'b>(cells: &'b [cells::CellLevel<'a>]) -> &'b cells::CellLevel<'a> {
     cells
         .iter()
         .find(|level| level.size >= IRRADIANCE_CELLS)
@@ -268,20 +284,15 @@ impl Baker<'_> {
         cube
     }
 
-    fn irradiance(&mut self, cells: &[cells::CellLevel], size: u32) -> Cube {
+    fn irradiance(&mut self, cells: &[cells::CellLevel<'_>], size: u32) -> Cube {
         let start = Instant::now();
         let texels = irradiance::irradiance(summed(cells), size);
         let seconds = start.elapsed().as_secs_f64();
-        self.report_rms(
-            "irradiance",
-            seconds,
-            (&texels, size),
-            verify::cosine_kernel,
-        );
+        self.report_rms("irradiance", seconds, (&texels, size), &Kernel::Cosine);
         Cube::single(size, texels)
     }
 
-    fn harmonics(&mut self, cells: &[cells::CellLevel], irradiance: &Cube) -> [[f32; 3]; 9] {
+    fn harmonics(&mut self, cells: &[cells::CellLevel<'_>], irradiance: &Cube) -> [[f32; 3]; 9] {
         let start = Instant::now();
         let harmonics = harmonics::project(summed(cells));
         let seconds = start.elapsed().as_secs_f64();
@@ -315,7 +326,7 @@ impl Baker<'_> {
     fn prefiltered(
         &mut self,
         base: &Cube,
-        cells: &[cells::CellLevel],
+        cells: &[cells::CellLevel<'_>],
         sizes: &Sizes,
         progress: &(dyn Fn(&str, f32) + Sync),
     ) -> Cube {
@@ -332,15 +343,13 @@ impl Baker<'_> {
             let size = cube.level_size(level);
             let roughness = level_roughness(level, levels);
             let alpha = roughness * roughness;
-            let cut = prefilter::choose_cut(cells, size, alpha, self.error);
-            let texels = prefilter::prefilter(cells, size, alpha, cut);
-
+            let texels = prefilter::prefilter(cells, size, alpha, self.error);
             let seconds = start.elapsed().as_secs_f64();
             self.report_rms(
                 &format!("prefiltered {level}"),
                 seconds,
                 (&texels, size),
-                |distance_squared| ggx::lobe_weight(distance_squared, alpha),
+                &Kernel::Lobe(alpha),
             );
             cube.levels.push(texels);
         }
@@ -366,16 +375,10 @@ impl Baker<'_> {
         });
     }
 
-    fn report_rms(
-        &mut self,
-        name: &str,
-        seconds: f64,
-        level: (&[[f32; 3]], u32),
-        kernel: impl Fn(f64) -> f64 + Sync,
-    ) {
+    fn report_rms(&mut self, name: &str, seconds: f64, level: (&[[f32; 3]], u32), kernel: &Kernel) {
         let start = Instant::now();
-        let error = (self.probes > 0)
-            .then(|| verify::relative_rms(self.input, &self.rows, level, self.probes, kernel));
+        let oracle = Oracle::new(self.input, &self.rows, self.error);
+        let error = (self.probes > 0).then(|| oracle.relative_rms(level, self.probes, kernel));
         self.reports.push(StageReport {
             name: name.to_owned(),
             seconds,

@@ -7,20 +7,25 @@ use rayon::prelude::*;
 
 use super::cubemap::{edge_coordinate, to_f32};
 use super::equirect::{Equirect, Rows};
+use super::mirrors::{self, Mirror};
 use super::quadrature::Rule;
+use super::taps::Taps;
 
 /// Points per panel; a panel never spans a kink of the map's horizontal blend or of the texel's
 /// outline, so the integrand is smooth in it.
 const PANEL_POINTS: usize = 3;
+/// Points per panel of maps at least [`FINE_WIDTH`] wide, whose panels are narrow.
+const FINE_PANEL_POINTS: usize = 2;
+const FINE_WIDTH: u32 = 256;
 
 /// One meridian that crosses a texel.
-struct Meridian {
-    /// Columns on both sides, the right one's blend weight.
-    left: usize,
-    right: usize,
-    blend: f64,
+pub(super) struct Meridian {
+    /// Columns on both sides, the right one's blend weight; the left one is not wrapped.
+    pub left: i64,
+    pub right: i64,
+    pub blend: f64,
     /// Quadrature weight in radians of longitude.
-    weight: f64,
+    pub weight: f64,
     /// `|cos|`, `|sin|` of the longitude relative to the face's axis.
     cosine: f64,
     sine: f64,
@@ -32,22 +37,49 @@ struct Meridian {
 /// meridians: Gauss-Legendre in longitude between all kinks, exact in `y` along each meridian.
 /// All weights are positive, a constant map gives that constant, and the map's total energy is
 /// kept to quadrature precision whatever the ratio of texel sizes, single-texel suns included.
+///
+/// Where the map's width is a multiple of four, the cube's mirror planes are the map's: the weights of one quadrant
+/// of a side and of a pole's face then serve all others.
 pub(super) fn equirect_to_cube(input: &Equirect, rows: &Rows, size: u32) -> Vec<[f32; 3]> {
-    let resampler = Resampler {
-        input,
-        rows,
-        rule: Rule::gauss_legendre(PANEL_POINTS),
-        size,
+    let resampler = Resampler::new(input, rows, size);
+    let symmetric = input.width.is_multiple_of(4);
+    let sides = if symmetric {
+        mirrors::sides(input)
+    } else {
+        Vec::new()
+    };
+    let poles = if symmetric {
+        mirrors::poles(input)
+    } else {
+        Vec::new()
     };
     let side = size as usize;
-    let faces: Vec<Vec<[f32; 3]>> = (0..6)
-        .map(|face| match side_face_turn(face) {
-            Some(turn) => resampler.side_face(turn),
-            None => resampler.pole_face(face == 2),
-        })
-        .collect();
-    debug_assert!(faces.iter().all(|face| face.len() == side * side));
-    faces.concat()
+    let mut texels = vec![[0.0; 3]; 6 * side * side];
+    if symmetric {
+        let columns = resampler.side_columns(0.0);
+        resampler.quadrant(&sides, &mut texels, |x, y, taps| {
+            resampler.side_taps(&columns[side / 2 + x], side / 2 + y, taps);
+        });
+        resampler.quadrant(&poles, &mut texels, |x, y, taps| {
+            resampler.pole_taps(side / 2 + x, side / 2 + y, true, taps);
+        });
+        return texels;
+    }
+    for face in 0..6 {
+        let texels = &mut texels[face * side * side..][..side * side];
+        match side_face_turn(face) {
+            Some(turn) => {
+                let columns = resampler.side_columns(turn);
+                resampler.face(texels, |x, y, taps| {
+                    resampler.side_taps(&columns[x], y, taps);
+                });
+            }
+            None => resampler.face(texels, |x, y, taps| {
+                resampler.pole_taps(x, y, face == 2, taps);
+            }),
+        }
+    }
+    texels
 }
 
 /// Mean radiance over every cell of an equirectangular grid, by the same integration.
@@ -57,12 +89,7 @@ pub(super) fn equirect_means(
     width: u32,
     height: u32,
 ) -> Vec<[f32; 3]> {
-    let resampler = Resampler {
-        input,
-        rows,
-        rule: Rule::gauss_legendre(PANEL_POINTS),
-        size: 0,
-    };
+    let resampler = Resampler::new(input, rows, 0);
     let edge = |column: u32| resampler.column(f64::from(column) / f64::from(width) - 0.5);
     let columns: Vec<Vec<Meridian>> = (0..width)
         .map(|column| {
@@ -108,7 +135,21 @@ struct Resampler<'a> {
     size: u32,
 }
 
-impl Resampler<'_> {
+impl<'a> Resampler<'a> {
+    fn new(input: &'a Equirect, rows: &'a Rows, size: u32) -> Self {
+        let points = if input.width < FINE_WIDTH {
+            PANEL_POINTS
+        } else {
+            FINE_PANEL_POINTS
+        };
+        Self {
+            input,
+            rows,
+            rule: Rule::gauss_legendre(points),
+            size,
+        }
+    }
+
     /// Continuous column at a longitude in turns; texel centres lie at integers.
     fn column(&self, turn: f64) -> f64 {
         (0.5 + turn) * f64::from(self.input.width) - 0.5
@@ -116,20 +157,18 @@ impl Resampler<'_> {
 
     /// Appends the meridians between two columns, with longitudes relative to `origin`.
     fn meridians(&self, from: f64, to: f64, origin: f64, out: &mut Vec<Meridian>) {
-        let width = i64::from(self.input.width);
-        let radians = 2.0 * PI / width as f64;
+        let radians = 2.0 * PI / f64::from(self.input.width);
         let mut start = from.min(to);
         let end = from.max(to);
         let mut cell = libm::floor(start);
         while start < end {
             let stop = end.min(cell + 1.0);
-            let left = (cell as i64).rem_euclid(width);
             for &(node, weight) in &self.rule.nodes {
                 let column = start + (stop - start) * node;
                 let longitude = (column - origin) * radians;
                 out.push(Meridian {
-                    left: left as usize,
-                    right: ((left + 1) % width) as usize,
+                    left: cell as i64,
+                    right: cell as i64 + 1,
                     blend: column - cell,
                     weight: weight * (stop - start) * radians,
                     cosine: libm::cos(longitude).abs(),
@@ -144,82 +183,117 @@ impl Resampler<'_> {
     /// Integral of radiance along a meridian between two `y`.
     fn along(&self, meridian: &Meridian, low: f64, high: f64) -> DVec3 {
         let mut sum = DVec3::ZERO;
+        let wrap = |column: i64| column.rem_euclid(i64::from(self.input.width)) as usize;
+        let (left, right) = (wrap(meridian.left), wrap(meridian.right));
         self.rows.integrate(low, high, |row, weight| {
-            let left = self.input.texel(meridian.left, row);
-            let right = self.input.texel(meridian.right, row);
+            let left = self.input.texel(left, row);
+            let right = self.input.texel(right, row);
             sum += (left + (right - left) * meridian.blend) * weight;
         });
         sum
     }
 
-    fn side_face(&self, turn: f64) -> Vec<[f32; 3]> {
-        let side = self.size as usize;
+    /// Meridians of every column of the face whose centre is at a longitude.
+    fn side_columns(&self, turn: f64) -> Vec<Vec<Meridian>> {
         let origin = self.column(turn);
         let column_at = |index: usize| {
             self.column(turn - libm::atan(edge_coordinate(index, self.size)) / (2.0 * PI))
         };
-        let columns: Vec<Vec<Meridian>> = (0..side)
+        (0..self.size as usize)
             .into_par_iter()
             .map(|x| {
                 let mut meridians = Vec::new();
                 self.meridians(column_at(x), column_at(x + 1), origin, &mut meridians);
                 meridians
             })
-            .collect();
-        let texel = |x: usize, y: usize| {
-            let (top, bottom) = (
-                edge_coordinate(y, self.size),
-                edge_coordinate(y + 1, self.size),
+            .collect()
+    }
+
+    fn side_taps(&self, meridians: &[Meridian], y: usize, taps: &mut Taps) {
+        let (top, bottom) = (
+            edge_coordinate(y, self.size),
+            edge_coordinate(y + 1, self.size),
+        );
+        taps.start(meridians);
+        for meridian in meridians {
+            // On the meridian s = tan(longitude), so y = -t cos / sqrt(1 + (t cos)^2).
+            let sine_of_latitude = |t: f64| {
+                let slope = -t * meridian.cosine;
+                slope / (1.0 + slope * slope).sqrt()
+            };
+            taps.add(
+                self.rows,
+                meridian,
+                sine_of_latitude(bottom),
+                sine_of_latitude(top),
             );
-            let (mut sum, mut area) = (DVec3::ZERO, 0.0);
-            for meridian in &columns[x] {
-                // On the meridian s = tan(longitude), so y = -t cos / sqrt(1 + (t cos)^2).
-                let sine_of_latitude = |t: f64| {
-                    let slope = -t * meridian.cosine;
-                    slope / (1.0 + slope * slope).sqrt()
-                };
-                let (low, high) = (sine_of_latitude(bottom), sine_of_latitude(top));
-                sum += self.along(meridian, low, high) * meridian.weight;
-                area += meridian.weight * (high - low);
-            }
-            to_f32(sum / area)
-        };
-        (0..side * side)
-            .into_par_iter()
-            .map(|index| texel(index % side, index / side))
-            .collect()
+        }
+        taps.finish();
     }
 
-    fn pole_face(&self, up: bool) -> Vec<[f32; 3]> {
-        let side = self.size as usize;
-        (0..side * side)
-            .into_par_iter()
-            .map_init(Vec::new, |meridians, index| {
-                self.pole_texel(index % side, index / side, up, meridians)
-            })
-            .collect()
-    }
-
-    fn pole_texel(&self, x: usize, y: usize, up: bool, scratch: &mut Vec<Meridian>) -> [f32; 3] {
+    fn pole_taps(&self, x: usize, y: usize, up: bool, taps: &mut Taps) {
         let texel = PoleTexel::new(x, y, up, self.size);
-        scratch.clear();
+        let mut meridians = std::mem::take(&mut taps.meridians);
+        meridians.clear();
         let corners = texel.corner_turns().map(|turn| self.column(turn));
         let origin = self.column(0.0);
         for pair in corners.windows(2) {
-            self.meridians(pair[0], pair[1], origin, scratch);
+            self.meridians(pair[0], pair[1], origin, &mut meridians);
         }
-        let (mut sum, mut area) = (DVec3::ZERO, 0.0);
-        for meridian in scratch.iter() {
+        taps.start(&meridians);
+        for meridian in &meridians {
             let Some((near, far)) = texel.radii(meridian) else {
                 continue;
             };
             let height = |radius: f64| 1.0 / (1.0 + radius * radius).sqrt();
             let (high, low) = (height(near), height(far));
             let (low, high) = if up { (low, high) } else { (-high, -low) };
-            sum += self.along(meridian, low, high) * meridian.weight;
-            area += meridian.weight * (high - low);
+            taps.add(self.rows, meridian, low, high);
         }
-        to_f32(sum / area)
+        taps.finish();
+        taps.meridians = meridians;
+    }
+
+    /// Texels of a face, each with taps of its own.
+    fn face(&self, texels: &mut [[f32; 3]], build: impl Fn(usize, usize, &mut Taps) + Sync) {
+        let side = self.size as usize;
+        let own = Mirror::none(self.input);
+        texels.par_chunks_exact_mut(side).enumerate().for_each_init(
+            Taps::default,
+            |taps, (y, row)| {
+                for (x, texel) in row.iter_mut().enumerate() {
+                    build(x, y, taps);
+                    *texel = taps.mean(self.input, &own);
+                }
+            },
+        );
+    }
+
+    /// Texels of every image of a face's last quadrant, whose `x` and `y` count from the face's middle.
+    fn quadrant(
+        &self,
+        images: &[Mirror],
+        texels: &mut [[f32; 3]],
+        build: impl Fn(usize, usize, &mut Taps) + Sync,
+    ) {
+        let half = self.size as usize / 2;
+        let rows: Vec<Vec<[f32; 3]>> = (0..half)
+            .into_par_iter()
+            .map_init(Taps::default, |taps, y| {
+                let mut values = Vec::with_capacity(half * images.len());
+                for x in 0..half {
+                    build(x, y, taps);
+                    values.extend(images.iter().map(|image| taps.mean(self.input, image)));
+                }
+                values
+            })
+            .collect();
+        for (y, row) in rows.iter().enumerate() {
+            for (at, value) in row.iter().enumerate() {
+                let (x, image) = (at / images.len(), &images[at % images.len()]);
+                texels[image.texel(x, y, half)] = *value;
+            }
+        }
     }
 }
 
@@ -374,6 +448,44 @@ mod tests {
             let texel = cube[texel_at(*axis, size)];
             for channel in 0..3 {
                 assert!((texel[channel] - colour[channel]).abs() < 1e-6, "{axis}");
+            }
+        }
+    }
+
+    #[test]
+    fn mirrored_weights_are_those_of_every_texel() {
+        let (width, height, size) = (24_u32, 13_u32, 16_u32);
+        let texels = (0..width * height)
+            .map(|i| [((i * 7919) % 101) as f32, ((i * 104_729) % 53) as f32, 1.0])
+            .collect();
+        let input = Equirect {
+            width,
+            height,
+            texels,
+        };
+        let rows = Rows::new(height);
+        let resampler = Resampler::new(&input, &rows, size);
+        let shared = resample(&input, size);
+        let side = size as usize;
+        for face in 0..6 {
+            let mut own = vec![[0.0; 3]; side * side];
+            match side_face_turn(face) {
+                Some(turn) => {
+                    let columns = resampler.side_columns(turn);
+                    resampler.face(&mut own, |x, y, taps| {
+                        resampler.side_taps(&columns[x], y, taps);
+                    });
+                }
+                None => resampler.face(&mut own, |x, y, taps| {
+                    resampler.pole_taps(x, y, face == 2, taps);
+                }),
+            }
+            for (index, (a, b)) in own.iter().zip(&shared[face * side * side..]).enumerate() {
+                let difference = (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
+                assert!(
+                    difference < 1e-4 * a[0].max(1.0),
+                    "face {face} texel {index}: {a:?} {b:?}"
+                );
             }
         }
     }

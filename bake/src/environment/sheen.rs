@@ -25,6 +25,7 @@ pub(super) fn albedo([outer, inner]: &[Rule; 2], n_dot_v: f64, roughness: f64) -
     let alpha = roughness.max(MIN_ROUGHNESS).powi(2);
     let power = 1.0 / alpha + 2.0;
     let sine_v = (1.0 - n_dot_v * n_dot_v).max(0.0).sqrt();
+    let masking = lambda(n_dot_v, alpha);
     let mut total = 0.0;
     for &(node, weight) in &outer.nodes {
         // D(h) sin dsin dphi / cos = dnode dphi / (2 pi cos): the cosine is integrable at the horizon, and the
@@ -39,15 +40,16 @@ pub(super) fn albedo([outer, inner]: &[Rule; 2], n_dot_v: f64, roughness: f64) -
             if v_dot_h <= 0.0 || n_dot_l <= 0.0 {
                 continue;
             }
-            let light = visibility(n_dot_v, n_dot_l, alpha) * n_dot_l * 4.0 * v_dot_h;
+            let light = visibility(n_dot_v, n_dot_l, masking, alpha) * n_dot_l * 4.0 * v_dot_h;
             total += measure * share * light;
         }
     }
     total.min(1.0)
 }
 
-fn visibility(n_dot_v: f64, n_dot_l: f64, alpha: f64) -> f64 {
-    let shadowing = 1.0 + lambda(n_dot_v, alpha) + lambda(n_dot_l, alpha);
+/// `masking` is that of the viewer's cosine.
+fn visibility(n_dot_v: f64, n_dot_l: f64, masking: f64, alpha: f64) -> f64 {
+    let shadowing = 1.0 + masking + lambda(n_dot_l, alpha);
     (1.0 / (shadowing * 4.0 * n_dot_v * n_dot_l)).min(1.0)
 }
 
@@ -92,7 +94,10 @@ mod tests {
                 let n_dot_h = (n_dot_v + n_dot_l) / (2.0 + 2.0 * v_dot_l).sqrt();
                 let sine2 = (1.0 - n_dot_h * n_dot_h).max(0.0);
                 let d = (2.0 + 1.0 / alpha) * sine2.powf(0.5 / alpha) / (2.0 * PI);
-                total += d * visibility(n_dot_v, n_dot_l, alpha) * n_dot_l * width;
+                total += d
+                    * visibility(n_dot_v, n_dot_l, lambda(n_dot_v, alpha), alpha)
+                    * n_dot_l
+                    * width;
             }
         }
         (total * 2.0 * PI / COLUMNS as f64).min(1.0)

@@ -161,7 +161,7 @@ fn products_match_the_reference_on_smooth_and_sunny_skies() {
             assert!(error < bound, "{name} {}: {error}", report.name);
         }
         assert!(error_of(&products, "sky") < 1e-4);
-        assert!(error_of(&products, "irradiance") < 1e-3);
+        assert!(error_of(&products, "irradiance") < 3e-4);
     }
 }
 
@@ -190,7 +190,7 @@ fn single_texel_suns_reach_every_product() {
             all_levels(&products)
                 .flatten()
                 .flatten()
-                .all(|v| v.is_finite() && *v * products.scale >= 0.0099)
+                .all(|v| v.is_finite() && *v * products.scale >= 0.0098)
         );
     }
 }
@@ -250,16 +250,11 @@ fn any_texel_shift_of_the_map_rotates_the_products() {
                 .iter()
                 .map(|&index| back(texel_direction(index, size)))
                 .collect();
-            let exact = verify::reference(&input, &rows, &normals, |distance_squared| {
-                alpha.map_or_else(
-                    || verify::cosine_kernel(distance_squared),
-                    |alpha| ggx::lobe_weight(distance_squared, alpha),
-                )
-            });
-            for (&index, exact) in probes.iter().zip(&exact) {
-                let error = (to_f64(texels[index]) - *exact).length() / exact.length();
-                assert!(error < 3e-4, "shift {shift}: {error}");
-            }
+            let kernel = alpha.map_or(Kernel::Cosine, Kernel::Lobe);
+            let exact = Oracle::new(&input, &rows, 2e-4).integrals(&normals, kernel);
+            let found = probes.iter().map(|&index| to_f64(texels[index]));
+            let error = verify::relative_rms(found, &exact);
+            assert!(error < small_options().error, "shift {shift}: {error}");
         };
         check(
             &products.irradiance.levels[0],

@@ -1,5 +1,6 @@
 //! Rules of the environment: its cubes, sun and coefficients at `open`, its importance table in bulk.
 
+use crate::brdf_table::BRDF_TABLE_SIZE;
 use crate::error::Result;
 use crate::features;
 use crate::gpu::{EnvAliasEntry, EnvAliasHeader};
@@ -22,9 +23,17 @@ pub(super) fn environment(package: &Package, scene: &ArchivedScene, found: &mut 
             .get(image as usize)
             .map(|image| image.layers.to_native())
     };
+    let extent = |image: u32| {
+        let image = &scene.images[image as usize];
+        [image.width.to_native(), image.height.to_native()]
+    };
     match scene.brdf_lut.as_ref() {
         Some(image) if layers(image.to_native()) != Some(1) => {
             let what = format!("BRDF table: image {image} is no 2D image");
+            found(root_error(what))?;
+        }
+        Some(image) if extent(image.to_native()) != [BRDF_TABLE_SIZE; 2] => {
+            let what = format!("BRDF table: image {image} is not {BRDF_TABLE_SIZE} texels a side");
             found(root_error(what))?;
         }
         _ => {}

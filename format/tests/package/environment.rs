@@ -21,9 +21,15 @@ fn lit() -> (Scene, Content) {
             .map(|&length| Level { offset: 32, length })
             .collect(),
     };
-    content.texels.resize(32 + 96, 0);
+    let side = cairn_format::brdf_table::BRDF_TABLE_SIZE;
+    let table_bytes = u64::from(4 * side * side);
+    content.texels.resize(32 + table_bytes as usize, 0);
     scene.images.push(image("cube", 6, &[96, 24]));
-    scene.images.push(image("lut", 1, &[4]));
+    scene.images.push(Image {
+        width: side,
+        height: side,
+        ..image("lut", 1, &[table_bytes])
+    });
     scene.brdf_lut = Some(2);
     scene.features |= features::ENVIRONMENT | features::SUN;
     scene.environment = Some(Environment {
@@ -115,6 +121,13 @@ fn environments_are_checked() {
         opened.expect_err("an error").to_string()
     };
     assert!(error(|scene| scene.brdf_lut = None).contains("without a BRDF table"));
+    // The cube's second level is one texel, as a table must not be.
+    let small = |scene: &mut Scene| {
+        scene.images[2].width = 1;
+        scene.images[2].height = 1;
+        scene.images[2].levels[0].length = 4;
+    };
+    assert!(error(small).contains("not 64 texels a side"));
     assert!(error(|scene| scene.environment = None).contains("importance table without"));
 }
 

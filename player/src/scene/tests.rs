@@ -1,5 +1,6 @@
 //! Uploads of small packages on a real device, under validation.
 
+use cairn_format::brdf_table::BRDF_TABLE_SIZE;
 use cairn_format::gpu::{DirectionalLight, Instance, Material, TextureTransform, VertexColor};
 use cairn_format::scene::{
     Bounds, Environment, Image, ImageRole, Level, MaterialInfo, MipFilter, Primitive, Sampler,
@@ -190,7 +191,7 @@ fn every_part_of_a_package_gets_its_slot() {
         replaced_texels: 0,
         clamped_texels: 0,
     });
-    parts.scene.brdf_lut = Some(parts.image(TextureFormat::Rgba16Unorm, 8, 1));
+    parts.scene.brdf_lut = Some(parts.image(TextureFormat::Rgba16Unorm, BRDF_TABLE_SIZE, 1));
     let scene = GpuScene::upload(&gpu, &parts.package()).expect("uploads");
     assert!(scene.vertices.is_some() && scene.indices.is_some());
     assert_eq!(scene.brdf_lut_slot, Some(9));

@@ -1,6 +1,7 @@
 //! Builds packages of a few triangles in memory.
 
 use bytemuck::Zeroable;
+use cairn_format::brdf_table::BRDF_TABLE_SIZE;
 use cairn_format::gpu::{
     ALPHA_OPAQUE, DRAW_DOUBLE_SIDED, DRAW_MIRRORED, DirectionalLight, DrawGroup, Instance,
     MATERIAL_DOUBLE_SIDED, MATERIAL_UNLIT, Material, MaterialExtension, PunctualLight,
@@ -15,9 +16,6 @@ use glam::{Mat3, Mat4, Vec3};
 
 use super::traced::{self, Traced};
 use super::twin;
-
-/// Texels per side of the BRDF table.
-pub const LUT_SIZE: u32 = 32;
 
 /// A mesh, its material, and where it stands.
 #[derive(Clone)]
@@ -274,11 +272,11 @@ impl Fixture {
             });
         }
         if self.lut {
-            let bytes: Vec<u8> = twin::table_texels(LUT_SIZE)
+            let bytes: Vec<u8> = twin::table_texels(!self.lobes.is_empty())
                 .iter()
                 .flat_map(|texel| halves(*texel))
                 .collect();
-            let extent = [LUT_SIZE, LUT_SIZE, 1];
+            let extent = [BRDF_TABLE_SIZE, BRDF_TABLE_SIZE, 1];
             let format = TextureFormat::Rgba16Float;
             scene.brdf_lut = Some(add_image(scene, texels, format, extent, &bytes));
         }

@@ -1,5 +1,6 @@
 //! The BRDF in f64, written from its textbook form, and its table by quadrature.
 
+use cairn_format::brdf_table::{BRDF_TABLE_SIZE, brdf_table_point};
 use glam::DVec3;
 use std::f64::consts::PI;
 
@@ -31,13 +32,19 @@ pub fn table(n_dot_v: f64, roughness: f64) -> [f64; 3] {
     sum.map(|total| total / f64::from(SAMPLES))
 }
 
-/// Rows of the table: N.V along x, roughness along y, at texel centres. The last channel is sheen's albedo.
-pub fn table_texels(size: u32) -> Vec<[f32; 4]> {
-    let center = |index: u32| (f64::from(index) + 0.5) / f64::from(size);
-    let texels = (0..size * size).map(|index| {
-        let (n_dot_v, roughness) = (center(index % size), center(index / size));
+/// The BRDF table; its last channel is sheen's albedo where `sheen` asks for it.
+pub fn table_texels(sheen: bool) -> Vec<[f32; 4]> {
+    const SIZE: u32 = BRDF_TABLE_SIZE;
+    let texels = (0..SIZE * SIZE).map(|index| {
+        let [x, roughness] = brdf_table_point(index % SIZE, index / SIZE, SIZE);
+        let n_dot_v = x.max(1e-4);
         let [a, b, c] = table(n_dot_v, roughness);
-        [a, b, c, sheen_albedo(n_dot_v, roughness)].map(|value| value as f32)
+        let sheen = if sheen {
+            sheen_albedo(n_dot_v, roughness)
+        } else {
+            0.0
+        };
+        [a, b, c, sheen].map(|value| value as f32)
     });
     texels.collect()
 }
