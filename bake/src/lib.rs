@@ -6,6 +6,8 @@ pub mod bench;
 pub mod bounded;
 pub mod cache;
 pub mod commands;
+pub mod constants;
+pub mod content;
 pub mod diagnostic;
 pub mod emitters;
 pub mod encode;

@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 use ::image::codecs::png::PngEncoder;
 use ::image::{ExtendedColorType, ImageEncoder};
 
-use super::cpu::Watch;
+use super::clock::Clock;
 use super::textures::{Picture, load};
 use crate::diagnostic::{BakeError, Result};
 use crate::scene::Origin;
@@ -35,9 +35,9 @@ pub fn measure(program: &Path, level: u32, picture: &Picture) -> Result<(f64, Ve
         "-no_multithreading",
         "picture.png",
     ];
-    let watch = Watch::start();
+    let clock = Clock::start();
     call(program, folder.path(), &encode)?;
-    let seconds = watch.seconds();
+    let seconds = clock.stop().cpu_seconds;
     let unpack = ["-unpack", "-no_ktx", "-format_only", BC7, "picture.basis"];
     call(program, folder.path(), &unpack)?;
     let channels = if picture.alpha { "rgba" } else { "rgb" };

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::{basisu, cpu};
+use super::{basisu, clock};
 use crate::diagnostic::{BakeError, Result};
 use crate::encode::peers::{self, Encoder};
 use crate::import::{DecodedImage, decode_image};
@@ -183,7 +183,7 @@ fn read(path: &Path, options: &Options) -> Result<Picture> {
 fn measure(encoder: &Encoder, picture: &Picture, least: f64) -> (f64, [f64; 2]) {
     let blocks = blocks(picture);
     let mut out = vec![[0_u8; 16]; blocks.len()];
-    let seconds = cpu::of_one(least, || encoder.compress(&blocks, picture.alpha, &mut out));
+    let seconds = clock::of_one(least, || encoder.compress(&blocks, picture.alpha, &mut out));
     let decoded: Vec<[[u8; 4]; 16]> = out.iter().map(peers::decode).collect();
     (seconds, block_errors(&blocks, &decoded, picture.alpha))
 }

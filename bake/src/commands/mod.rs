@@ -47,8 +47,6 @@ pub struct Cli {
 /// What to do in place of a bake.
 #[derive(clap::Subcommand, Debug)]
 pub enum Command {
-    /// Measure a stage against other tools.
-    Bench(bench::Bench),
     /// Look after the products that earlier bakes left for later ones.
     Cache(cache::Cache),
     /// Show what is inside a package.
@@ -92,7 +90,6 @@ impl Command {
     /// The exit code: [`SUCCESS`] or [`NEGATIVE`].
     fn run(self) -> Result<u8, BakeError> {
         match self {
-            Self::Bench(args) => args.run(),
             Self::Cache(args) => args.run(),
             Self::Inspect(args) => args.run(),
             Self::Extract(args) => args.run(),

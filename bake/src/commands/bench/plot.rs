@@ -180,8 +180,8 @@ fn escape(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::clock::Spent;
     use super::super::table::Level;
+    use super::crate::bench::clock::Spent;
     use super::*;
 
     #[test]
