@@ -11,7 +11,6 @@ use ::image::{ExtendedColorType, ImageEncoder};
 use super::clock::Clock;
 use super::textures::{Picture, load};
 use crate::diagnostic::{BakeError, Result};
-use crate::scene::Origin;
 
 /// The program's levels, and their names in its documentation.
 pub const LEVELS: [(u32, &str); 3] = [(0, "fastest"), (1, "faster"), (2, "default")];
@@ -81,10 +80,6 @@ fn call(program: &Path, folder: &Path, arguments: &[&str]) -> Result<Output> {
     }
     let text = String::from_utf8_lossy(&output.stdout);
     let last = text.lines().last().unwrap_or("no message").to_owned();
-    let origin = Origin {
-        file: program.display().to_string(),
-        pointer: String::new(),
-    };
     let message = format!("basisu {}: {last}; leave --basisu out", arguments.join(" "));
-    Err(BakeError::input("basisu-failed", &origin, message))
+    Err(BakeError::io(program, std::io::Error::other(message)))
 }

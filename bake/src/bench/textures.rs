@@ -145,6 +145,7 @@ pub fn load(path: &Path, limit_pixels: u64) -> Result<DecodedImage> {
             file: path.display().to_string(),
             pointer: String::new(),
         },
+        ..Image::default()
     };
     decode_image(&image, limit_pixels)
 }

@@ -79,7 +79,7 @@ impl Cli {
         match done {
             Ok(code) => ExitCode::from(code),
             Err(error) => {
-                eprintln!("{error}");
+                eprintln!("{}", error.explained());
                 ExitCode::from(FAILURE)
             }
         }

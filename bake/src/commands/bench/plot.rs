@@ -181,8 +181,8 @@ fn escape(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::table::Level;
-    use super::crate::bench::clock::Spent;
     use super::*;
+    use crate::bench::clock::Spent;
 
     #[test]
     fn points_lie_within_their_panels() {
