@@ -266,6 +266,67 @@ fn images_that_miss_the_quality_asked_for_are_named() {
 }
 
 #[test]
+fn files_elsewhere_need_trust() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path_of = |name: &str| folder.path().join(name);
+    for name in ["scene", "elsewhere"] {
+        std::fs::create_dir(path_of(name)).expect("a folder");
+    }
+    let source = assets().join("lobes");
+    let bin = path_of("elsewhere/lobes.bin");
+    std::fs::copy(source.join("lobes.bin"), &bin).expect("a copy");
+    let scene = std::fs::read_to_string(source.join("lobes.gltf")).expect("the scene");
+    let output = path_of("out.cairn");
+    let absolute = format!("file://{}", path(&bin));
+    let mut packages = Vec::new();
+    for (uri, code) in [
+        ("../elsewhere/lobes.bin", "uri-outside"),
+        (absolute.as_str(), "uri-scheme"),
+        (path(&bin), "uri-absolute"),
+    ] {
+        let named = path_of("scene/lobes.gltf");
+        let text_of = scene.replace("\"lobes.bin\"", &format!("\"{uri}\""));
+        assert_ne!(text_of, scene);
+        std::fs::write(&named, text_of).expect("written");
+        let done = bake(&[path(&named), "-o", path(&output)]);
+        assert_eq!(done.status.code(), Some(2), "{uri}");
+        assert!(text(&done.stderr).contains(code), "{}", text(&done.stderr));
+        let done = bake(&[path(&named), "-o", path(&output), "--allow-external"]);
+        assert!(done.status.success(), "{}", text(&done.stderr));
+        packages.push(std::fs::read(&output).expect("the package"));
+    }
+    // Where the folder lies is in no package.
+    let needle = path(folder.path()).as_bytes();
+    for package in packages {
+        assert!(!package.windows(needle.len()).any(|window| window == needle));
+    }
+}
+
+#[test]
+fn a_scene_may_have_too_many_triangles() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let output = folder.path().join("out.cairn");
+    let scene = assets().join("box/box.gltf");
+    let with = |limit: &str| {
+        bake(&[
+            path(&scene),
+            "-o",
+            path(&output),
+            "--limit-triangles",
+            limit,
+        ])
+    };
+    let done = with("11");
+    assert_eq!(done.status.code(), Some(2));
+    let message = text(&done.stderr);
+    assert!(
+        message.contains("/meshes/0/primitives/0") && message.contains("--limit-triangles"),
+        "{message}"
+    );
+    assert!(!output.exists() && with("12").status.success());
+}
+
+#[test]
 fn warnings_stop_a_strict_bake() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = folder.path().join("odd.gltf");
