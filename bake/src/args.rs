@@ -54,6 +54,9 @@ pub struct Settings {
     /// How mips are made.
     #[arg(long, value_enum, default_value = "kaiser")]
     pub mip_filter: MipFilter,
+    /// Only filter the alpha of masked textures: what they cover is not kept over the mips.
+    #[arg(long)]
+    pub plain_alpha: bool,
     /// Encode with this machine's instruction set; the bytes then depend on the machine, and the package says so.
     #[arg(long)]
     pub native_isa: bool,
@@ -141,6 +144,7 @@ impl Settings {
         EncodeOptions {
             effort: self.texture_quality,
             filter: self.mip_filter,
+            plain_alpha: self.plain_alpha,
             kernels: if self.native_isa {
                 Kernels::Native
             } else {
