@@ -4,8 +4,9 @@ use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 
 use crate::cache::Place;
-use crate::encode::{Effort, EncodeOptions, Kernels, MipFilter, SkyFormat};
+use crate::encode::{Effort, EncodeOptions, Kernels, MipFilter, SkyFormat, Target};
 use crate::environment::{EnvironmentOptions, SunMode};
+use crate::import::{DEFAULT_LIMIT_TRIANGLES, Rules};
 use crate::pipeline::{DEFAULT_LIMIT_PIXELS, Options};
 use crate::strict::Strict;
 
@@ -47,9 +48,15 @@ pub struct Settings {
     /// each texture gets the cheapest preset that reaches it.
     #[arg(long, value_name = "EFFORT", default_value_t)]
     pub texture_quality: Effort,
+    /// What the package is for: GPUs that read BC textures, or any GPU.
+    #[arg(long, value_enum, default_value = "desktop")]
+    pub target: Target,
     /// How mips are made.
     #[arg(long, value_enum, default_value = "kaiser")]
     pub mip_filter: MipFilter,
+    /// Only filter the alpha of masked textures: what they cover is not kept over the mips.
+    #[arg(long)]
+    pub plain_alpha: bool,
     /// Encode with this machine's instruction set; the bytes then depend on the machine, and the package says so.
     #[arg(long)]
     pub native_isa: bool,
@@ -62,15 +69,21 @@ pub struct Settings {
     /// Bound of the relative RMS error of every prefiltered level, in place of that of --ibl-quality.
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     pub ibl_error: Option<f64>,
-    /// Storage of the sky and of the prefiltered cube.
-    #[arg(long, value_enum, default_value = "bc6h")]
-    pub sky_format: SkyFormat,
+    /// Storage of the sky and of the prefiltered cube: bc6h, or rgb9e5 where --target is portable.
+    #[arg(long, value_enum)]
+    pub sky_format: Option<SkyFormat>,
     /// Side of the sky cube's faces, rounded up to a power of two; by default it follows the panorama's resolution.
     #[arg(long, value_name = "TEXELS", value_parser = clap::value_parser!(u32).range(8..=4096))]
     pub sky_size: Option<u32>,
     /// Images of more texels than this are refused.
     #[arg(long, value_name = "TEXELS", default_value_t = DEFAULT_LIMIT_PIXELS)]
     pub limit_pixels: u64,
+    /// Scenes of more triangles than this, each mesh counted once, are refused.
+    #[arg(long, value_name = "TRIANGLES", default_value_t = DEFAULT_LIMIT_TRIANGLES)]
+    pub limit_triangles: u64,
+    /// Read files outside the scene's folder where it names them; for scenes you trust.
+    #[arg(long)]
+    pub allow_external: bool,
     /// Threads to use; the bytes are the same for any number.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
@@ -116,8 +129,12 @@ impl Settings {
             environment: self.env.clone(),
             textures: self.textures(),
             light: self.light(),
-            sky_format: self.sky_format,
+            sky_format: self.sky_format(),
             limit_pixels: self.limit_pixels,
+            rules: Rules {
+                allow_external: self.allow_external,
+                limit_triangles: self.limit_triangles,
+            },
             ..Options::new(input, output)
         }
     }
@@ -127,12 +144,22 @@ impl Settings {
         EncodeOptions {
             effort: self.texture_quality,
             filter: self.mip_filter,
+            plain_alpha: self.plain_alpha,
             kernels: if self.native_isa {
                 Kernels::Native
             } else {
                 Kernels::Reproducible
             },
+            target: self.target,
         }
+    }
+
+    /// Storage of the sky.
+    pub fn sky_format(&self) -> SkyFormat {
+        self.sky_format.unwrap_or(match self.target {
+            Target::Desktop => SkyFormat::default(),
+            Target::Portable => SkyFormat::Rgb9e5,
+        })
     }
 
     /// Options of image-based light.

@@ -11,9 +11,9 @@ use cairn_format::{SectionKind, Writer, features};
 
 use crate::cache::Session;
 use crate::diagnostic::{BakeError, Diagnostic, Result};
-use crate::encode::{EncodeOptions, SkyFormat};
+use crate::encode::{EncodeOptions, SkyFormat, Target};
 use crate::environment::EnvironmentOptions;
-use crate::import::import;
+use crate::import::{Rules, import_with};
 use crate::materials::{self, Plan};
 use crate::panorama::{self, Panorama};
 use crate::prepare::{Prepared, StepTime, prepare_cached};
@@ -22,13 +22,16 @@ use crate::report::{Row, Stage, Summary};
 use crate::scene::{Origin, Sampler, Scene, Source, Wrap};
 use crate::strict::Strict;
 use crate::textures::{self, Texels};
-use crate::{emitters, rebake, write};
+use crate::{constants, emitters, rebake, write};
 
 /// What to bake, and how.
 #[derive(Clone, Debug)]
 pub struct Options {
+    /// The scene: .gltf or .glb.
     pub input: PathBuf,
+    /// An equirectangular panorama, .hdr or .exr.
     pub environment: Option<PathBuf>,
+    /// The package to write: whole or not at all.
     pub output: PathBuf,
     /// Effort, mip filter and kernels of the texture encoders.
     pub textures: EncodeOptions,
@@ -38,6 +41,8 @@ pub struct Options {
     pub sky_format: SkyFormat,
     /// Largest number of texels of one image.
     pub limit_pixels: u64,
+    /// Files that the scene may name, and its most triangles.
+    pub rules: Rules,
     /// Folder of the products of earlier bakes; `None` makes everything anew. It decides no bytes.
     pub cache: Option<PathBuf>,
     /// Warnings that stop the bake.
@@ -55,6 +60,7 @@ impl Options {
             light: EnvironmentOptions::default(),
             sky_format: SkyFormat::default(),
             limit_pixels: DEFAULT_LIMIT_PIXELS,
+            rules: Rules::default(),
             cache: None,
             strict: Strict::No,
         }
@@ -72,6 +78,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     let start = Instant::now();
     let mut clock = Clock::default();
     refuse_to_overwrite_an_input(options)?;
+    refuse_an_unportable_sky(options)?;
     let session = rebake::session(options);
     if let Some(mut summary) = rebake::unchanged(&session, options) {
         clock.lap("unchanged");
@@ -83,13 +90,16 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     }
 
     progress.update("import", 0.0);
-    let mut scene = import(&options.input)?;
+    let mut scene = import_with(&options.input, &options.rules)?;
     let mut environment = options
         .environment
         .as_deref()
         .map(|path| Panorama::open(path, &options.light, options.sky_format, &session))
         .transpose()?;
     clock.lap("import");
+
+    constants::fold(&mut scene, options.limit_pixels, &session)?;
+    clock.lap("constants");
 
     let mut prepared = prepare_cached(&mut scene, &session, &|fraction| {
         progress.update("geometry", fraction)
@@ -226,6 +236,22 @@ fn refuse_to_overwrite_an_input(options: &Options) -> Result<()> {
             ))
         }
         None => Ok(()),
+    }
+}
+
+/// BC6H is what portable packages must not hold.
+fn refuse_an_unportable_sky(options: &Options) -> Result<()> {
+    let portable = options.textures.target == Target::Portable;
+    match &options.environment {
+        Some(path) if portable && options.sky_format == SkyFormat::Bc6h => {
+            let origin = Origin {
+                file: path.display().to_string(),
+                pointer: String::new(),
+            };
+            let message = "not every GPU reads BC6H: with --target portable choose --sky-format rgb9e5 or rgba16f";
+            Err(BakeError::input("sky-format", &origin, message))
+        }
+        _ => Ok(()),
     }
 }
 

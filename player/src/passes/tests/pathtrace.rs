@@ -1,7 +1,10 @@
 //! The path tracer against theory: what is known of an image in closed form or by quadrature.
 
+mod analytic;
 mod denoise;
+mod faults;
 mod lights;
+mod planes;
 mod robustness;
 mod sampling;
 
