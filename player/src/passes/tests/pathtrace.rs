@@ -91,7 +91,7 @@ fn at_angle(degrees: f32) -> Camera {
 fn a_white_furnace_closes() {
     let Some(gpu) = device() else { return };
     for metallic in [0.0, 0.5, 1.0] {
-        for roughness in [0.0, 0.4, 0.95] {
+        for roughness in [0.0, 0.4, 1.0] {
             let fixture = Fixture {
                 objects: vec![wide(0, 1e3)],
                 materials: vec![white(metallic, roughness)],
