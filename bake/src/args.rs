@@ -7,6 +7,7 @@ use crate::cache::Place;
 use crate::encode::{Effort, EncodeOptions, Kernels, MipFilter, SkyFormat};
 use crate::environment::{EnvironmentOptions, SunMode};
 use crate::pipeline::{DEFAULT_LIMIT_PIXELS, Options};
+use crate::strict::Strict;
 
 /// What to bake, and what to print.
 #[derive(clap::Args, Debug)]
@@ -22,6 +23,9 @@ pub struct Args {
     /// Say of every product whether it was reused, and why not.
     #[arg(long)]
     pub explain: bool,
+    /// Take warnings for errors: those of these codes, or all.
+    #[arg(long, value_name = "CODE,...", num_args = 0..=1, require_equals = true, default_missing_value = "all")]
+    pub strict: Option<Strict>,
     /// Print the summary as one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
@@ -61,6 +65,9 @@ pub struct Settings {
     /// Storage of the sky and of the prefiltered cube.
     #[arg(long, value_enum, default_value = "bc6h")]
     pub sky_format: SkyFormat,
+    /// Side of the sky cube's faces, rounded up to a power of two; by default it follows the panorama's resolution.
+    #[arg(long, value_name = "TEXELS", value_parser = clap::value_parser!(u32).range(8..=4096))]
+    pub sky_size: Option<u32>,
     /// Images of more texels than this are refused.
     #[arg(long, value_name = "TEXELS", default_value_t = DEFAULT_LIMIT_PIXELS)]
     pub limit_pixels: u64,
@@ -136,6 +143,10 @@ impl Settings {
                 Sun::Keep => SunMode::Keep,
                 Sun::Off => SunMode::Off,
             },
+            sky_size: self.sky_size,
+            sky_limit: self
+                .sky_size
+                .unwrap_or(EnvironmentOptions::default().sky_limit),
             error: self.ibl_error.unwrap_or(self.ibl_quality.error()),
             ..EnvironmentOptions::default()
         }

@@ -1,8 +1,10 @@
 //! Errors and warnings about input: where, what is wrong, and what to do.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use crate::codes;
 use crate::label::{Interned, Label};
 use crate::scene::Origin;
 
@@ -49,6 +51,9 @@ pub struct Diagnostic {
     pub file: String,
     /// JSON pointer (`/meshes/0/primitives/1`), byte offset (`byte 1234`) or empty.
     pub place: String,
+    /// Kind and name of the object there, such as "mesh `Wheel`"; empty where it has none.
+    #[serde(default)]
+    pub object: String,
     /// What is wrong, and the remedy.
     pub message: String,
 }
@@ -60,6 +65,7 @@ impl Diagnostic {
             code,
             file: origin.file.clone(),
             place: origin.pointer.clone(),
+            object: String::new(),
             message: message.into(),
         }
     }
@@ -70,6 +76,39 @@ impl Diagnostic {
             ..Self::warning(code, origin, message)
         }
     }
+
+    /// Names the object at the place.
+    #[must_use]
+    pub fn about(mut self, object: String) -> Self {
+        self.object = object;
+        self
+    }
+
+    /// The message, why it matters and what to do: three lines.
+    pub fn explained(&self) -> String {
+        format!("{self}{}", footnote(self.code))
+    }
+}
+
+/// Why a code matters and what to do, as lines under its message; empty where nothing is known.
+fn footnote(code: &str) -> String {
+    codes::find(code).map_or(String::new(), |code| {
+        format!("\n  why: {}\n  fix: {}", code.why, code.fix)
+    })
+}
+
+/// Messages as a terminal shows them: what stands behind a code is told once.
+pub fn listing(diagnostics: &[Diagnostic]) -> String {
+    let mut told = BTreeSet::new();
+    let mut text = String::new();
+    for diagnostic in diagnostics {
+        text += &diagnostic.to_string();
+        if told.insert(diagnostic.code) {
+            text += &footnote(diagnostic.code);
+        }
+        text.push('\n');
+    }
+    text
 }
 
 impl fmt::Display for Diagnostic {
@@ -81,6 +120,9 @@ impl fmt::Display for Diagnostic {
         write!(f, "{severity}[{}]: {}", self.code, self.file)?;
         if !self.place.is_empty() {
             write!(f, " at {}", self.place)?;
+        }
+        if !self.object.is_empty() {
+            write!(f, " ({})", self.object)?;
         }
         write!(f, ": {}", self.message)
     }
@@ -108,6 +150,20 @@ impl BakeError {
         Self::Input(Diagnostic::error(code, origin, message))
     }
 
+    /// The code of the message.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Input(diagnostic) => diagnostic.code,
+            Self::Io { .. } => "io",
+            Self::Package(_) => "package",
+        }
+    }
+
+    /// The message, why it matters and what to do: three lines.
+    pub fn explained(&self) -> String {
+        format!("{self}{}", footnote(self.code()))
+    }
+
     pub fn io(path: &Path, source: std::io::Error) -> Self {
         Self::Io {
             path: path.to_owned(),
@@ -118,3 +174,46 @@ impl BakeError {
 
 /// Shorthand of the bake's fallible functions.
 pub type Result<T, E = BakeError> = std::result::Result<T, E>;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn warning(code: &'static str, pointer: &str) -> Diagnostic {
+        let origin = Origin {
+            file: "hall.gltf".into(),
+            pointer: pointer.into(),
+        };
+        Diagnostic::warning(code, &origin, "it is odd")
+    }
+
+    #[test]
+    fn a_message_has_its_place_object_reason_and_remedy() {
+        let light = warning("light-range", "/lights/3").about("light `Lamp`".into());
+        let lines: Vec<String> = light.explained().lines().map(str::to_owned).collect();
+        let code = codes::find("light-range").expect("a code");
+        assert_eq!(
+            lines[0],
+            "warning[light-range]: hall.gltf at /lights/3 (light `Lamp`): it is odd"
+        );
+        assert_eq!(lines[1], format!("  why: {}", code.why));
+        assert_eq!(lines[2], format!("  fix: {}", code.fix));
+        let error = BakeError::io(Path::new("a.bin"), std::io::Error::other("gone"));
+        assert!(
+            error
+                .explained()
+                .starts_with("error[io]: a.bin: gone\n  why: ")
+        );
+    }
+
+    #[test]
+    fn what_stands_behind_a_code_is_told_once() {
+        let text = listing(&[
+            warning("light-range", "/lights/0"),
+            warning("light-range", "/lights/1"),
+            warning("light-cone", "/lights/2"),
+        ]);
+        assert_eq!(text.lines().count(), 3 + 2 * 2);
+        assert_eq!(text.matches("  why: ").count(), 2);
+    }
+}

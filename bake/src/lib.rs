@@ -3,6 +3,7 @@
 pub mod alias;
 pub mod args;
 pub mod cache;
+pub mod codes;
 pub mod commands;
 pub mod diagnostic;
 pub mod emitters;
@@ -21,6 +22,7 @@ pub mod rebake;
 pub mod report;
 pub mod scene;
 pub mod sky;
+pub mod strict;
 pub mod temporary;
 pub mod textures;
 pub mod twice;

@@ -20,6 +20,7 @@ use crate::prepare::{Prepared, StepTime, prepare_cached};
 use crate::progress::Progress;
 use crate::report::{Row, Stage, Summary};
 use crate::scene::{Origin, Sampler, Scene, Source, Wrap};
+use crate::strict::Strict;
 use crate::textures::{self, Texels};
 use crate::{emitters, rebake, write};
 
@@ -39,6 +40,8 @@ pub struct Options {
     pub limit_pixels: u64,
     /// Folder of the products of earlier bakes; `None` makes everything anew. It decides no bytes.
     pub cache: Option<PathBuf>,
+    /// Warnings that stop the bake.
+    pub strict: Strict,
 }
 
 impl Options {
@@ -53,6 +56,7 @@ impl Options {
             sky_format: SkyFormat::default(),
             limit_pixels: DEFAULT_LIMIT_PIXELS,
             cache: None,
+            strict: Strict::No,
         }
     }
 }
@@ -71,6 +75,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     let session = rebake::session(options);
     if let Some(mut summary) = rebake::unchanged(&session, options) {
         clock.lap("unchanged");
+        options.strict.check(&summary.diagnostics)?;
         summary.stages = clock.stages;
         summary.peak_memory_bytes = peak_memory();
         summary.seconds = start.elapsed().as_secs_f64();
@@ -125,6 +130,14 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         progress,
     )?;
     clock.lap("environment");
+
+    let stages = [
+        &scene.diagnostics,
+        &prepared.diagnostics,
+        &light.diagnostics,
+        &texels.diagnostics,
+    ];
+    options.strict.check(stages.into_iter().flatten())?;
 
     progress.update("write", 0.0);
     let products = Products {
@@ -395,6 +408,7 @@ fn provenance(options: &Options, scene: &Scene, environment: Option<&Panorama>) 
             .unwrap_or_default();
         file(&image.source, name.to_string_lossy().into_owned())
     }));
+    let sky_size = environment.and(options.light.sky_size);
     Provenance {
         tool: tool(),
         settings: options
@@ -412,6 +426,7 @@ fn provenance(options: &Options, scene: &Scene, environment: Option<&Panorama>) 
                     setting("ibl-error", options.light.error.to_string()),
                 ]
             }))
+            .chain(sky_size.map(|size| setting("sky-size", size.to_string())))
             .collect(),
         sources,
     }

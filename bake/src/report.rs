@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::cache;
 use crate::diagnostic::Diagnostic;
 use crate::label::{Interned, Label};
+use crate::look::{bytes_text as bytes, number};
 use crate::prepare::{GeometryStats, StepTime};
 
 /// One row of the speed-against-error report.
@@ -233,22 +234,6 @@ impl Summary {
             }
         }
         Ok(())
-    }
-}
-
-fn number(value: f64) -> String {
-    if value == 0.0 || (1e-2..1e6).contains(&value.abs()) {
-        format!("{value:.3}")
-    } else {
-        format!("{value:.2e}")
-    }
-}
-
-fn bytes(count: u64) -> String {
-    match count {
-        0..10_000 => format!("{count} B"),
-        10_000..10_000_000 => format!("{:.1} kB", count as f64 / 1e3),
-        _ => format!("{:.2} MB", count as f64 / 1e6),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Writes a package file whole or not at all, checked before it takes its name.
 
-use std::io::BufWriter;
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use cairn_format::scene::Scene;
@@ -42,6 +42,20 @@ pub fn write(path: &Path, writer: &Writer, scene: &Scene) -> Result<Written> {
     drop(package);
     temporary.publish(path).map_err(io)?;
     Ok(written)
+}
+
+/// Writes a file whole or not at all.
+///
+/// # Errors
+/// [`BakeError::Io`] where the folder cannot be written; nothing is left behind.
+pub fn bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    let folder = temporary::folder_of(path);
+    temporary::sweep(folder);
+    let written = Temporary::create(folder).and_then(|temporary| {
+        temporary.file().write_all(bytes)?;
+        temporary.publish(path)
+    });
+    written.map_err(|source| BakeError::io(path, source))
 }
 
 fn describe(package: &Package) -> Written {

@@ -170,3 +170,36 @@ fn completions_and_manual_pages_come_from_the_command_line() {
     );
     assert!(pages.join("cairn-bake-completions.1").exists());
 }
+
+#[test]
+fn warnings_stop_a_strict_bake() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = folder.path().join("odd.gltf");
+    let json = r#"{"asset":{"version":"2.0"},"animations":[{}],"nodes":[{"name":"Hall","rotation":[0,2,0,0]}],
+        "scenes":[{"nodes":[0]}],"scene":0}"#;
+    std::fs::write(&scene, json).expect("a scene");
+    let output = folder.path().join("odd.cairn");
+    let run = |flags: &[&str]| {
+        let arguments = [&[path(&scene), "-o", path(&output)], flags].concat();
+        bake(&arguments)
+    };
+    for flags in [&["--strict"][..], &["--strict=quaternion-not-unit"]] {
+        let done = run(flags);
+        assert_eq!(done.status.code(), Some(2), "{}", text(&done.stderr));
+        assert!(text(&done.stderr).contains("by --strict") && !output.exists());
+    }
+    let done = run(&["--strict=light-range"]);
+    let message = text(&done.stderr);
+    assert!(done.status.success() && output.exists(), "{message}");
+    let named = "warning[quaternion-not-unit]: ";
+    assert!(
+        message.contains(named) && message.contains("(node `Hall`)"),
+        "{message}"
+    );
+    assert!(
+        message.contains("  why: ") && message.contains("  fix: "),
+        "{message}"
+    );
+    let done = run(&["--strict=no-such-code"]);
+    assert!(done.status.code() == Some(2) && text(&done.stderr).contains("docs/diagnostics.md"));
+}

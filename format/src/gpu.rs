@@ -9,7 +9,7 @@ use bytemuck::Zeroable;
 use crate::brdf_table::{BRDF_TABLE_SIZE, MIN_LIGHT_ROUGHNESS};
 
 use crate::record::gpu_record;
-pub use crate::record::{Field, GlslType, Record};
+pub use crate::record::{Field, FileField, FileType, GlslType, Record, RecordLayout};
 pub use crate::tracing::*;
 
 gpu_record! {

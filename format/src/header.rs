@@ -1,6 +1,6 @@
 //! The fixed header and the section table.
 
-use bytemuck::{Pod, Zeroable};
+use crate::record::file_record;
 
 /// First eight bytes; the line ends show a transfer in text mode.
 pub const MAGIC: [u8; 8] = *b"CAIRN\r\n\x1a";
@@ -11,48 +11,48 @@ pub const PAGE: u64 = 4096;
 /// Alignment of the root and of image levels, in bytes.
 pub const ALIGNMENT: u64 = 16;
 
-/// File bytes 0..128, little-endian.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
-pub struct Header {
-    /// [`MAGIC`].
-    pub magic: [u8; 8],
-    /// [`FORMAT_VERSION`].
-    pub version: u32,
-    /// Entries of the section table, which begins at byte 128.
-    pub section_count: u32,
-    /// Bytes of the whole file.
-    pub file_length: u64,
-    /// Hash of every record's layout: [`crate::schema::schema_hash`].
-    pub schema_hash: u64,
-    /// Byte offset of the rkyv root, a multiple of 16.
-    pub root_offset: u64,
-    /// Bytes of the rkyv root.
-    pub root_length: u64,
-    /// Version of the writing tool, ASCII, zero-padded.
-    pub tool_version: [u8; 16],
-    /// BLAKE3 of bytes 0..64, the section table and the root; the table holds the sections' hashes.
-    pub content_hash: [u8; 32],
-    /// Zero.
-    pub reserved: [u8; 32],
+file_record! {
+    /// File bytes 0..128, little-endian.
+    pub struct Header {
+        /// [`MAGIC`].
+        pub magic: [u8; 8],
+        /// [`FORMAT_VERSION`].
+        pub version: u32,
+        /// Entries of the section table, which begins at byte 128.
+        pub section_count: u32,
+        /// Bytes of the whole file.
+        pub file_length: u64,
+        /// Hash of every record's layout: [`crate::schema::schema_hash`].
+        pub schema_hash: u64,
+        /// Byte offset of the rkyv root, a multiple of 16.
+        pub root_offset: u64,
+        /// Bytes of the rkyv root.
+        pub root_length: u64,
+        /// Version of the writing tool, ASCII, zero-padded.
+        pub tool_version: [u8; 16],
+        /// BLAKE3 of bytes 0..64, the section table and the root; the table holds the sections' hashes.
+        pub content_hash: [u8; 32],
+        /// Zero.
+        pub reserved: [u8; 32],
+    }
 }
 
-/// One row of the section table.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
-pub struct SectionEntry {
-    /// [`crate::SectionKind`] as u32; rows ascend strictly.
-    pub kind: u32,
-    /// Bytes of one record.
-    pub stride: u32,
-    /// Byte offset, a multiple of [`PAGE`].
-    pub offset: u64,
-    /// Bytes: `count * stride`.
-    pub length: u64,
-    /// Records.
-    pub count: u64,
-    /// BLAKE3 of the section's bytes.
-    pub hash: [u8; 32],
+file_record! {
+    /// One row of the section table.
+    pub struct SectionEntry {
+        /// [`crate::SectionKind`] as u32; rows ascend strictly.
+        pub kind: u32,
+        /// Bytes of one record.
+        pub stride: u32,
+        /// Byte offset, a multiple of [`PAGE`].
+        pub offset: u64,
+        /// Bytes: `count * stride`.
+        pub length: u64,
+        /// Records.
+        pub count: u64,
+        /// BLAKE3 of the section's bytes.
+        pub hash: [u8; 32],
+    }
 }
 
 /// Bytes of the header.

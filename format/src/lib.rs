@@ -19,6 +19,7 @@
 
 pub mod bounds;
 pub mod brdf_table;
+pub mod c_header;
 pub mod check;
 pub mod error;
 pub mod features;
@@ -28,6 +29,7 @@ pub mod harmonics;
 pub mod header;
 pub mod package;
 mod record;
+pub mod reference;
 pub mod scene;
 pub mod schema;
 pub mod section;

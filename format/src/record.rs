@@ -13,6 +13,63 @@ pub struct Field {
     pub glsl: &'static str,
     /// Array length; 0 where the field is no array.
     pub count: usize,
+    /// What it holds, as its documentation says.
+    pub doc: &'static str,
+}
+
+/// Layout of a record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RecordLayout {
+    /// Type name, the same in Rust, GLSL and, behind `Cairn`, in C.
+    pub name: &'static str,
+    /// Bytes.
+    pub bytes: usize,
+    /// What it is, as its documentation says.
+    pub doc: &'static str,
+    /// Every field in order, without gaps.
+    pub fields: &'static [Field],
+}
+
+impl RecordLayout {
+    /// The layout of a record type.
+    pub const fn of<T: Record>() -> Self {
+        Self {
+            name: T::NAME,
+            bytes: size_of::<T>(),
+            doc: T::DOC,
+            fields: T::FIELDS,
+        }
+    }
+}
+
+/// One field of the header, of a row of the section table, or of an archived type of the root.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FileField {
+    /// Field name.
+    pub name: &'static str,
+    /// Rust type before archiving, such as `Vec<Mesh>`.
+    pub ty: &'static str,
+    /// Byte offset.
+    pub offset: usize,
+    /// Bytes.
+    pub bytes: usize,
+    /// What it holds, as its documentation says.
+    pub doc: &'static str,
+}
+
+/// Layout of the header, of a row of the section table, or of an archived type of the root.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FileType {
+    /// Type name.
+    pub name: &'static str,
+    /// Bytes.
+    pub bytes: usize,
+    /// What it is, as its documentation says.
+    pub doc: &'static str,
+    /// Fields in order; none of an enum.
+    pub fields: &'static [FileField],
+    /// Variants of an enum and their values.
+    pub variants: &'static [(&'static str, u8, &'static str)],
 }
 
 impl Field {
@@ -38,6 +95,8 @@ impl Field {
 pub trait Record: Pod {
     /// Type name, the same in Rust and GLSL.
     const NAME: &'static str;
+    /// What it is, as its documentation says.
+    const DOC: &'static str;
     /// Every field in order, without gaps.
     const FIELDS: &'static [Field];
 }
@@ -75,16 +134,16 @@ glsl_types! {
 /// Declares a `repr(C)` record, asserts its size and every offset at compile time, and lists its fields.
 macro_rules! gpu_record {
     (
-        $(#[$meta:meta])*
+        $(#[doc = $doc:literal])*
         pub struct $name:ident : $size:literal {
-            $($(#[$field_meta:meta])* pub $field:ident : $ty:ty = $offset:literal,)*
+            $($(#[doc = $field_doc:literal])* pub $field:ident : $ty:ty = $offset:literal,)*
         }
     ) => {
-        $(#[$meta])*
+        $(#[doc = $doc])*
         #[repr(C)]
         #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
         pub struct $name {
-            $($(#[$field_meta])* pub $field: $ty,)*
+            $($(#[doc = $field_doc])* pub $field: $ty,)*
         }
 
         const _: () = {
@@ -94,15 +153,52 @@ macro_rules! gpu_record {
 
         impl $crate::record::Record for $name {
             const NAME: &'static str = stringify!($name);
+            const DOC: &'static str = concat!($($doc),*);
             const FIELDS: &'static [$crate::record::Field] = &[
                 $($crate::record::Field {
                     name: stringify!($field),
                     offset: $offset,
                     glsl: <$ty as $crate::record::GlslType>::NAME,
                     count: <$ty as $crate::record::GlslType>::COUNT,
+                    doc: concat!($($field_doc),*),
                 },)*
             ];
         }
     };
 }
 pub(crate) use gpu_record;
+
+/// Declares a `repr(C)` struct of the file's head, and lists its fields.
+macro_rules! file_record {
+    (
+        $(#[doc = $doc:literal])*
+        pub struct $name:ident {
+            $($(#[doc = $field_doc:literal])* pub $field:ident : $ty:ty,)*
+        }
+    ) => {
+        $(#[doc = $doc])*
+        #[repr(C)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+        pub struct $name {
+            $($(#[doc = $field_doc])* pub $field: $ty,)*
+        }
+
+        impl $name {
+            /// Layout of this struct.
+            pub const LAYOUT: $crate::record::FileType = $crate::record::FileType {
+                name: stringify!($name),
+                bytes: std::mem::size_of::<$name>(),
+                doc: concat!($($doc),*),
+                fields: &[$($crate::record::FileField {
+                    name: stringify!($field),
+                    ty: stringify!($ty),
+                    offset: std::mem::offset_of!($name, $field),
+                    bytes: std::mem::size_of::<$ty>(),
+                    doc: concat!($($field_doc),*),
+                },)*],
+                variants: &[],
+            };
+        }
+    };
+}
+pub(crate) use file_record;

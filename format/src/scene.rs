@@ -2,56 +2,78 @@
 
 use rkyv::{Archive, Deserialize, Serialize};
 
+use crate::record::{FileField, FileType};
 use crate::texture::TextureFormat;
 
-/// The text from which the schema hash is made.
-pub(crate) trait SchemaText {
+/// A type of the root: the text from which the schema hash is made, and its archived layout.
+pub(crate) trait RootType {
     const TEXT: &'static str;
+    const LAYOUT: FileType;
 }
 
-/// Declares a root struct and records its field names and types for the schema hash.
+/// Declares a root struct and records its field names, types and archived layout.
 macro_rules! root_struct {
     (
-        $(#[$meta:meta])*
+        $(#[doc = $doc:literal])*
         pub struct $name:ident {
-            $($(#[$field_meta:meta])* pub $field:ident : $ty:ty,)*
+            $($(#[doc = $field_doc:literal])* pub $field:ident : $ty:ty,)*
         }
     ) => {
-        $(#[$meta])*
+        $(#[doc = $doc])*
         #[derive(Archive, Serialize, Deserialize, Clone, Debug, PartialEq)]
         #[rkyv(attr(allow(missing_docs)))]
         pub struct $name {
-            $($(#[$field_meta])* pub $field: $ty,)*
+            $($(#[doc = $field_doc])* pub $field: $ty,)*
         }
 
-        impl SchemaText for $name {
+        impl RootType for $name {
             const TEXT: &'static str = concat!(
                 stringify!($name), "{", $(stringify!($field), ":", stringify!($ty), ";",)* "}"
             );
+            const LAYOUT: FileType = FileType {
+                name: stringify!($name),
+                bytes: size_of::<<$name as Archive>::Archived>(),
+                doc: concat!($($doc),*),
+                fields: &[$(FileField {
+                    name: stringify!($field),
+                    ty: stringify!($ty),
+                    offset: std::mem::offset_of!(<$name as Archive>::Archived, $field),
+                    bytes: size_of::<<$ty as Archive>::Archived>(),
+                    doc: concat!($($field_doc),*),
+                },)*],
+                variants: &[],
+            };
         }
     };
 }
 
-/// Declares a fieldless root enum and records its variants for the schema hash.
+/// Declares a fieldless root enum and records its variants.
 macro_rules! root_enum {
     (
-        $(#[$meta:meta])*
+        $(#[doc = $doc:literal])*
         pub enum $name:ident {
-            $($(#[$variant_meta:meta])* $variant:ident = $value:literal,)*
+            $($(#[doc = $variant_doc:literal])* $variant:ident = $value:literal,)*
         }
     ) => {
-        $(#[$meta])*
+        $(#[doc = $doc])*
         #[derive(Archive, Serialize, Deserialize, Clone, Copy, Debug, PartialEq, Eq)]
         #[rkyv(attr(allow(missing_docs)), derive(Clone, Copy, Debug, PartialEq, Eq))]
         #[repr(u8)]
         pub enum $name {
-            $($(#[$variant_meta])* $variant = $value,)*
+            $($(#[doc = $variant_doc])* $variant = $value,)*
         }
 
-        impl SchemaText for $name {
+        impl RootType for $name {
             const TEXT: &'static str = concat!(
                 stringify!($name), "(", $(stringify!($variant), "=", stringify!($value), ";",)* ")"
             );
+            const LAYOUT: FileType = FileType {
+                name: stringify!($name),
+                bytes: size_of::<<$name as Archive>::Archived>(),
+                doc: concat!($($doc),*),
+                fields: &[],
+                variants: &[$((stringify!($variant), $value, concat!($($variant_doc),*)),)*],
+            };
         }
     };
 }
@@ -464,32 +486,43 @@ pub fn natives<const N: usize>(values: &[rkyv::rend::f32_le; N]) -> [f32; N] {
     values.map(|value| value.to_native())
 }
 
+/// Applies a constant of [`RootType`] to all root types, in declaration order.
+macro_rules! root_types {
+    ($constant:ident) => {
+        [
+            Scene::$constant,
+            Bounds::$constant,
+            Mesh::$constant,
+            Primitive::$constant,
+            MaterialInfo::$constant,
+            Texture::$constant,
+            ImageRole::$constant,
+            Swizzle::$constant,
+            Image::$constant,
+            Level::$constant,
+            Wrap::$constant,
+            MipFilter::$constant,
+            Sampler::$constant,
+            LightKind::$constant,
+            Light::$constant,
+            ProjectionKind::$constant,
+            Camera::$constant,
+            Environment::$constant,
+            Sun::$constant,
+            Provenance::$constant,
+            Setting::$constant,
+            SourceFile::$constant,
+            ReportRow::$constant,
+        ]
+    };
+}
+
 /// Names and types of all root types, in declaration order.
 pub(crate) fn schema_text() -> String {
-    [
-        Scene::TEXT,
-        Bounds::TEXT,
-        Mesh::TEXT,
-        Primitive::TEXT,
-        MaterialInfo::TEXT,
-        Texture::TEXT,
-        ImageRole::TEXT,
-        Swizzle::TEXT,
-        Image::TEXT,
-        Level::TEXT,
-        Wrap::TEXT,
-        MipFilter::TEXT,
-        Sampler::TEXT,
-        LightKind::TEXT,
-        Light::TEXT,
-        ProjectionKind::TEXT,
-        Camera::TEXT,
-        Environment::TEXT,
-        Sun::TEXT,
-        Provenance::TEXT,
-        Setting::TEXT,
-        SourceFile::TEXT,
-        ReportRow::TEXT,
-    ]
-    .concat()
+    root_types!(TEXT).concat()
+}
+
+/// Archived layouts of all root types, in declaration order.
+pub fn layouts() -> Vec<FileType> {
+    root_types!(LAYOUT).into()
 }

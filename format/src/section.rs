@@ -1,6 +1,6 @@
 //! Kinds of raw sections: what each holds, its record size.
 
-use crate::gpu::{self, Field, Record};
+use crate::gpu::{self, Record, RecordLayout};
 
 /// A raw section of plain records. Discriminants are part of the file format; sections lie in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -111,11 +111,10 @@ impl SectionKind {
         }
     }
 
-    /// Name, size and fields of the record that the section is an array of; `None` where it is words, floats or
-    /// bytes.
-    pub fn record(self) -> Option<(&'static str, usize, &'static [Field])> {
-        fn of<T: Record>() -> Option<(&'static str, usize, &'static [Field])> {
-            Some((T::NAME, size_of::<T>(), T::FIELDS))
+    /// The record that the section is an array of; `None` where it is words, floats or bytes.
+    pub fn record(self) -> Option<RecordLayout> {
+        const fn of<T: Record>() -> Option<RecordLayout> {
+            Some(RecordLayout::of::<T>())
         }
         match self {
             Self::Vertices => of::<crate::Vertex>(),
@@ -146,8 +145,8 @@ mod tests {
     #[test]
     fn strides_are_those_of_the_records() {
         for kind in SectionKind::ALL {
-            if let Some((name, bytes, _)) = kind.record() {
-                assert_eq!(bytes, kind.stride() as usize, "{} of {name}", kind.name());
+            if let Some(record) = kind.record() {
+                assert_eq!(record.bytes, kind.stride() as usize, "{}", record.name);
             }
         }
     }

@@ -56,6 +56,22 @@ impl ArchivedTextureFormat {
 }
 
 impl TextureFormat {
+    /// Every format, in the order of their values.
+    pub const ALL: [Self; 12] = [
+        Self::Bc7Unorm,
+        Self::Bc7Srgb,
+        Self::Bc5Unorm,
+        Self::Bc4Unorm,
+        Self::Bc6hUfloat,
+        Self::Rgba8Unorm,
+        Self::Rgba8Srgb,
+        Self::Rgba16Float,
+        Self::Rgb9e5Ufloat,
+        Self::Rgba16Unorm,
+        Self::UastcUnorm,
+        Self::UastcSrgb,
+    ];
+
     /// Width and height in texels of one block; 1 for uncompressed formats.
     pub const fn block_extent(self) -> u32 {
         match self {

@@ -142,8 +142,9 @@ gpu_record! {
         pub vertices: u64 = 96,
         /// Emissive triangles in the alias table.
         pub emissive_count: u32 = 104,
-        /// Zero.
-        pub pad_108: u32 = 108,
+        /// Geometries of top-level instance 0, the merged structure: each has a [`MeshInstance`] record of its own, and
+        /// those of the other instances follow. 0 where nothing is merged.
+        pub merged_geometries: u32 = 108,
     }
 }
 

@@ -66,6 +66,8 @@ pub enum Command {
     Sweep(Box<SweepArgs>),
     /// Render raster and reference from one camera; write pictures, compare.json and compare.html.
     Compare(Box<CompareArgs>),
+    /// Trace with every sampler; write error against samples and seconds as converge.json and converge.svg.
+    Converge(Box<ConvergeArgs>),
 }
 
 /// `cairn-player sweep`.
@@ -99,6 +101,22 @@ pub struct CompareArgs {
     /// Samples per pixel of the reference.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub spp: u32,
+    /// Folder of the results.
+    #[arg(long, short)]
+    pub out: PathBuf,
+}
+
+/// `cairn-player converge`.
+#[derive(clap::Args, Debug)]
+pub struct ConvergeArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Most samples per pixel; pictures are measured at each power of two up to it.
+    #[arg(long, default_value_t = 1024, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub spp: u32,
+    /// Samples per pixel of the reference.
+    #[arg(long, default_value_t = 8192, value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    pub reference_spp: u32,
     /// Folder of the results.
     #[arg(long, short)]
     pub out: PathBuf,
@@ -177,6 +195,9 @@ pub struct ViewArgs {
     /// Path tracing (headless): count rays.
     #[arg(long)]
     pub count_rays: bool,
+    /// Path tracing (headless): measure afterwards which share of the time rays take, by tracing each ray twice.
+    #[arg(long)]
+    pub trace_split: bool,
 }
 
 impl ViewArgs {
@@ -187,6 +208,7 @@ impl ViewArgs {
             seconds: self.time,
             target_error: self.target_error,
             count_rays: self.count_rays,
+            split: self.trace_split,
             ..TraceOptions::default()
         }
     }
@@ -199,6 +221,7 @@ const EXAMPLES: &str = "Examples:
   cairn-player bench hall.cairn --size 1920x1080 --path cameras
   cairn-player sweep hall.cairn --reference hall.exr -o sweep
   cairn-player compare hall.cairn --camera hero -o compare
+  cairn-player converge hall.cairn --camera hero --size 640x360 -o converge
   cairn-player helmet.cairn --headless --camera cameras.json:helmet --tonemap linear --brdf gltf-core -o a.png
 
 Exit codes: 0 success, 1 GPU or driver failure, 2 bad input, 3 validation messages.";

@@ -6,6 +6,7 @@ pub mod camera;
 pub mod camera_file;
 pub mod cascade;
 pub mod compare;
+pub mod converge;
 pub mod draw;
 pub mod error;
 pub mod exr;

@@ -6,9 +6,10 @@ use std::time::Instant;
 
 use cairn_format::Package;
 use cairn_player::PlayerError;
-use cairn_player::args::{BenchArgs, Cli, Command, CompareArgs, SweepArgs, ViewArgs};
+use cairn_player::args::{BenchArgs, Cli, Command, CompareArgs, ConvergeArgs, SweepArgs, ViewArgs};
 use cairn_player::bench::BenchOptions;
 use cairn_player::compare::CompareOptions;
+use cairn_player::converge::ConvergeOptions;
 use cairn_player::gpu::Gpu;
 use cairn_player::headless::{self, HeadlessImage, HeadlessOptions};
 use cairn_player::metrics::Picture;
@@ -26,6 +27,7 @@ fn main() -> ExitCode {
         Cli::Command(Command::Bench(args)) => (&args.scene.package, bench(args)),
         Cli::Command(Command::Sweep(args)) => (&args.scene.package, sweep(args)),
         Cli::Command(Command::Compare(args)) => (&args.scene.package, compare(args)),
+        Cli::Command(Command::Converge(args)) => (&args.scene.package, converge(args)),
         Cli::View(args) => (&args.scene.package, view(args)),
     };
     match done {
@@ -106,6 +108,30 @@ fn compare(args: &CompareArgs) -> Outcome {
         serde_json::json!(report).to_string().into(),
     ));
     write_all(&args.out, &files)?;
+    print!("{}", report.table());
+    Ok(gpu.close())
+}
+
+fn converge(args: &ConvergeArgs) -> Outcome {
+    let package = args.scene.open()?;
+    let options = ConvergeOptions {
+        size: [args.scene.size.0, args.scene.size.1],
+        camera: args.scene.camera(&package)?,
+        settings: args.scene.measured_settings()?,
+        samples: args.spp,
+        reference_samples: args.reference_spp,
+    };
+    let gpu = Gpu::new(&args.scene.gpu())?;
+    let report = cairn_player::converge::run(&gpu, &package, &options)?;
+    let plot = cairn_player::converge::plot::svg(&report);
+    let json = serde_json::json!(report).to_string();
+    write_all(
+        &args.out,
+        &[
+            ("converge.svg".into(), plot.into()),
+            ("converge.json".into(), json.into()),
+        ],
+    )?;
     print!("{}", report.table());
     Ok(gpu.close())
 }
@@ -216,6 +242,13 @@ fn text(args: &ViewArgs, image: &HeadlessImage, open_ms: f64) -> String {
                 .map_or("unknown".into(), |error| format!("{error:.4}")),
             trace.counters.non_finite
         );
+        if let Some(split) = &trace.split {
+            let _ = writeln!(
+                text,
+                "  rays take {:.0} % of the time, shading the rest",
+                split.ray_share * 100.0
+            );
+        }
     }
     if let Some(milliseconds) = image.denoise_ms {
         let _ = writeln!(text, "  denoised in {milliseconds:.1} ms");

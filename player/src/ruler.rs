@@ -160,8 +160,8 @@ pub fn session_picture(session: &Session<'_>, size: [u32; 2]) -> Result<Picture,
     ))
 }
 
-/// Means of squares of `factor` texels a side.
-fn average(picture: &Picture, factor: usize) -> Picture {
+/// Means of squares of `factor` texels a side; what is left over at the right and below is dropped.
+pub fn average(picture: &Picture, factor: usize) -> Picture {
     let (width, height) = (picture.width / factor, picture.height / factor);
     let texel = |index: usize| {
         let (x, y) = (index % width * factor, index / width * factor);

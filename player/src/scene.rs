@@ -1,5 +1,6 @@
 //! Copies a package to the GPU, and checks every record that the GPU will follow on the way.
 
+mod merge;
 mod segments;
 mod textures;
 pub mod trace;

@@ -35,12 +35,15 @@ choice! {
 }
 
 choice! {
-    /// Sample coordinates of the path tracer.
+    /// Sample coordinates of the path tracer; in the order of `SAMPLER_*` in `path_options.glsl`.
     pub enum PathSampler {
-        /// Owen-scrambled Sobol points.
-        Owen = "owen",
+        /// Owen-scrambled Sobol points, those of neighbouring pixels in each other's gaps: at low counts the error has
+        /// high frequency over the screen.
+        BlueNoise = "blue-noise",
         /// Independent random numbers, what the others are measured against.
         Independent = "independent",
+        /// Owen-scrambled Sobol points, every pixel's without regard to its neighbours'.
+        Owen = "owen",
     }
 }
 
@@ -240,11 +243,13 @@ group! {
         /// Samples per pixel in a frame.
         samples_per_frame: u32 = 1, Integer(1, 1024);
         /// Where sample coordinates come from.
-        sampler: PathSampler = PathSampler::Owen, Choice(PathSampler::CHOICES);
+        sampler: PathSampler = PathSampler::BlueNoise, Choice(PathSampler::CHOICES);
         /// Seed of the samples.
         seed: u32 = 0, Integer(0, 0x7fff_ffff);
         /// Texture levels follow the width of rays; otherwise the finest is read.
         lod: bool = true, Switch;
+        /// Meshes share one acceleration structure where that copies few triangles. Read when a scene is opened.
+        merge: bool = true, Switch;
         /// Denoises headless pictures by Open Image Denoise: needs a build with the feature `oidn`, and the library.
         /// A reference is never denoised: `compare`, `sweep` and `bench` refuse it.
         denoise: bool = false, Switch;

@@ -60,6 +60,8 @@ pub struct Tracer {
     pub with_guides: bool,
     /// Light counts only where it is sampled, not where paths meet it.
     pub sampled_only: bool,
+    /// Every ray is traced twice, which changes nothing but the time.
+    pub rays_twice: bool,
 }
 
 struct Slot {
@@ -95,7 +97,7 @@ impl Tracer {
     ) -> Result<Self, PlayerError> {
         let layouts = &scene.layouts;
         let lights = SceneLights::new(package)?;
-        let trace = TraceScene::new(gpu, scene, package)?;
+        let trace = TraceScene::new(gpu, scene, package, settings.path.merge)?;
         let variant = variant(scene, &trace, package, &lights, surfaces, settings)?;
         let mut graph = Graph::new(extent);
         let usage = vk::ImageUsageFlags::STORAGE
@@ -152,6 +154,7 @@ impl Tracer {
             count_rays: false,
             with_guides: false,
             sampled_only: false,
+            rays_twice: false,
         })
     }
 
@@ -345,6 +348,7 @@ impl Tracer {
         wanted.count_rays = self.count_rays;
         wanted.guides = self.with_guides;
         wanted.sampled_only = self.sampled_only;
+        wanted.rays_twice = self.rays_twice;
         if wanted == self.variant {
             return Ok(());
         }
@@ -468,6 +472,7 @@ fn variant(
         view: settings.debug_view,
         sampler: settings.path.sampler,
         sampled_only: false,
+        rays_twice: false,
     })
 }
 

@@ -216,7 +216,7 @@ struct PathTracePush {
     uint directional_light_count;
     uint64_t vertices;
     uint emissive_count;
-    uint pad_108;
+    uint merged_geometries;
 };
 
 // 32 bytes

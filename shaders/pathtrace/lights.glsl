@@ -21,9 +21,11 @@ layout(set = 0, binding = 8, scalar) readonly buffer EmissiveAliasBuffer {
     EmissiveAliasEntry emissive_entries[];
 };
 
-// Of the importance table: cumulative shares of its rows, then for each row those of its cells.
+// Of the importance table: cumulative shares of its rows, then for each row those of its cells, as bits of floats; then
+// where to search: for each of as many even parts of 0..1 as the run has steps, or up to the next power of two, the
+// first step above the part's start.
 layout(set = 3, binding = 9, scalar) readonly buffer EnvDistributionBuffer {
-    float env_distribution[];
+    uint env_distribution[];
 };
 
 const float FAR = 1e30;
@@ -62,19 +64,26 @@ float environment_pdf(vec3 direction) {
     return env_entries[cell.y * size.x + cell.x].luminance / env_header.total_luminance;
 }
 
-// First entry of a run of the ascending distribution that exceeds `u`; how far `u` is in its step goes to `u` itself.
-uint invert(uint first, uint count, inout float u) {
-    uint low = 0u, high = count - 1u;
+uint guide_parts(uint count) {
+    return count > 1u ? 2u << findMSB(count - 1u) : 1u;
+}
+
+// First step of an ascending run that exceeds `u`; how far `u` is in it goes to `u` itself.
+uint invert(uint first, uint count, uint guide, inout float u) {
+    uint parts = guide_parts(count);
+    uint part = min(uint(u * float(parts)), parts - 1u);
+    uint low = env_distribution[guide + part];
+    uint high = part + 1u < parts ? env_distribution[guide + part + 1u] : count - 1u;
     while (low < high) {
         uint middle = (low + high) >> 1;
-        if (env_distribution[first + middle] > u) {
+        if (uintBitsToFloat(env_distribution[first + middle]) > u) {
             high = middle;
         } else {
             low = middle + 1u;
         }
     }
-    float below = low > 0u ? env_distribution[first + low - 1u] : 0.0;
-    u = clamp((u - below) / max(env_distribution[first + low] - below, 1e-30), 0.0, 1.0);
+    float below = low > 0u ? uintBitsToFloat(env_distribution[first + low - 1u]) : 0.0;
+    u = clamp((u - below) / max(uintBitsToFloat(env_distribution[first + low]) - below, 1e-30), 0.0, 1.0);
     return low;
 }
 
@@ -82,8 +91,10 @@ uint invert(uint first, uint count, inout float u) {
 // points neighbours, and with it the evenness of the sampler's.
 LightSample sample_environment(vec2 u) {
     uvec2 count = uvec2(env_header.width, env_header.height);
-    uint row = invert(0u, count.y, u.y);
-    uint column = invert(count.y + row * count.x, count.x, u.x);
+    uint guides = count.y + count.y * count.x;
+    uint row = invert(0u, count.y, guides, u.y);
+    uint guide = guides + guide_parts(count.y) + row * guide_parts(count.x);
+    uint column = invert(count.y + row * count.x, count.x, guide, u.x);
     float phi = ((float(column) + u.x) / float(count.x) - 0.5) * 2.0 * PI;
     float top = cos(float(row) / float(count.y) * PI);
     float bottom = cos(float(row + 1u) / float(count.y) * PI);

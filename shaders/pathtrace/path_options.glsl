@@ -20,13 +20,18 @@ layout(constant_id = 38) const bool COUNT_RAYS = false;
 layout(constant_id = 39) const bool HAS_GUIDES = false;
 // What is seen: 0 radiance, else the number of a debug view.
 layout(constant_id = 40) const uint VIEW = 0;
-// 0 Owen-scrambled Sobol, 1 independent random numbers: what the first is measured against.
-layout(constant_id = 41) const uint SAMPLER = 0;
+// One of the SAMPLER_* numbers.
+const uint SAMPLER_BLUE_NOISE = 0;
+const uint SAMPLER_INDEPENDENT = 1;
+const uint SAMPLER_OWEN = 2;
+layout(constant_id = 41) const uint SAMPLER = SAMPLER_BLUE_NOISE;
 // Light counts where it is sampled, not where a path meets it: a test of both against each other.
 layout(constant_id = 42) const bool SAMPLED_LIGHT_ONLY = false;
 // Light reaches surfaces through their back faces' textures at a level that the ray's width asks for.
 layout(constant_id = 43) const bool HAS_LOD = true;
 // Some surface texture or unlit material exists.
 layout(constant_id = 44) const bool HAS_UNLIT = true;
+// Every ray is traced twice, with the same result: what that adds to the time is the time of rays.
+layout(constant_id = 45) const bool RAYS_TWICE = false;
 
 #endif

@@ -3,7 +3,7 @@
 #define CAIRN_PATH_PAYLOAD_GLSL
 
 struct Hit {
-    // On the way: the ray's random seed, which any-hit reads. Afterwards: the mesh instance.
+    // On the way: the ray's random seed, which any-hit reads. Afterwards: the top-level instance.
     uint instance;
     // Index into the geometry table.
     uint geometry;

@@ -1,14 +1,28 @@
 // Owen-scrambled Sobol points: sample i of pixel p is the same in every run.
 //
-// Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020: dimensions in groups of four, each group with the
-// index shuffled and every coordinate scrambled by hashes.
+// Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020: dimensions in pairs, each pair with the index shuffled
+// and both coordinates scrambled by hashes. Pairs lie as evenly as groups of four did in our renders, and need no tables
+// of direction numbers.
 #ifndef CAIRN_PATH_SAMPLER_GLSL
 #define CAIRN_PATH_SAMPLER_GLSL
 
 #include "path_options.glsl"
 
-// The group whose first sample follows a lattice over the screen: the directions of the first bounce.
-const uint LATTICE_GROUP = 1;
+// Groups of four dimensions from here on take no regard to neighbouring pixels.
+const uint FIRST_WHITE_GROUP = 2;
+// Pixels of a tile's side, as a power of two.
+const uint TILE_BITS = 4;
+// Leading binary digits whose scrambling a tile shares.
+const uint SHARED_DIGITS = 0x3fu;
+
+// Digital shifts of a tile's pixels: what each bit of x and y adds to both coordinates. A pixel's first 2^k points and
+// those of the pixels of an aligned square lie in every elementary interval of the unit square, but for one binary digit,
+// for k up to 6 and squares up to 16: the points of neighbours fill each other's gaps, as in Ahmed and Wonka, "Screen-space
+// blue-noise diffusion of Monte Carlo sampling error via hierarchical ordering of pixels", 2020, but at every count.
+const uvec2 TILE_SHIFTS[2 * TILE_BITS] = uvec2[2 * TILE_BITS](
+    uvec2(0x973c0000u, 0xef4c0000u), uvec2(0x62740000u, 0xbae00000u), uvec2(0x58d00000u, 0x462c0000u),
+    uvec2(0x16fc0000u, 0xdd100000u), uvec2(0x5ca40000u, 0xa5e40000u), uvec2(0x9e640000u, 0x4c5c0000u),
+    uvec2(0x0ea00000u, 0x92d00000u), uvec2(0x35180000u, 0xe16c0000u));
 
 // Wellons' lowbias32.
 uint hash(uint x) {
@@ -48,60 +62,63 @@ uint sobol_second(uint x) {
     return x;
 }
 
-// Direction numbers of x^2 + x + 1 and x^3 + x^2 + 1 by the recurrence of Bratley and Fox (1988). The initial numbers
-// (1, 1) and (1, 1, 5) are the ones with the least t of the four coordinates and of their pairs for 2^2 to 2^10 points.
-const uint SOBOL_THIRD[32] = uint[32](
-    0x80000000u, 0x40000000u, 0xe0000000u, 0xb0000000u, 0x68000000u, 0xf4000000u, 0x86000000u, 0x4f000000u,
-    0xe8800000u, 0xb4400000u, 0x66e00000u, 0xffb00000u, 0x80e80000u, 0x40b40000u, 0xe0660000u, 0xb0ff0000u,
-    0x68808000u, 0xf4404000u, 0x86e0e000u, 0x4fb0b000u, 0xe8e86800u, 0xb4b4f400u, 0x66668600u, 0xffff4f00u,
-    0x80006880u, 0x4000f440u, 0xe00086e0u, 0xb0004fb0u, 0x6800e8e8u, 0xf400b4b4u, 0x86006666u, 0x4f00ffffu);
-const uint SOBOL_FOURTH[32] = uint[32](
-    0x80000000u, 0x40000000u, 0xa0000000u, 0x30000000u, 0x78000000u, 0xcc000000u, 0xfa000000u, 0x8d000000u,
-    0x58800000u, 0xbdc00000u, 0x21600000u, 0x72f00000u, 0xd8880000u, 0xfdc40000u, 0x816a0000u, 0x42f30000u,
-    0xa08f8000u, 0x31c8c000u, 0x7b65a000u, 0xcffbd000u, 0xf80a0800u, 0x8c031c00u, 0x5a07b600u, 0xbd0cff00u,
-    0x208f8080u, 0x71c8c040u, 0xdb65a0a0u, 0xfffbd030u, 0x800a0878u, 0x40031cccu, 0xa007b6fau, 0x300cff8du);
-
 struct Sampler {
     uint index;
-    // Hash of the pixel and the run's seed.
+    // Hashes of the pixel and of its tile with the run's seed.
     uint pixel;
-    uvec2 place;
+    uint tile;
+    // The pixel's digital shift.
+    uvec2 shift;
 };
 
-Sampler make_sampler(uvec2 pixel, uint seed) {
-    return Sampler(0u, hash_combine(hash(pixel.x | pixel.y << 16), seed), pixel);
-}
-
-// Four scrambled coordinates of one point. The first is the reversed index: shuffling the index is scrambling it.
-uvec4 owen_point(uint index, uint seed) {
-    uint first = laine_karras(bitfieldReverse(index), seed);
-    uint third = 0u, fourth = 0u;
-    for (int bit = 0; bit < 32; ++bit) {
-        uint mask = uint(bitfieldExtract(int(first), 31 - bit, 1));
-        third ^= SOBOL_THIRD[bit] & mask;
-        fourth ^= SOBOL_FOURTH[bit] & mask;
+uvec2 tile_shift(uvec2 pixel) {
+    uvec2 shift = uvec2(0u);
+    for (int bit = 0; bit < int(TILE_BITS); ++bit) {
+        uvec2 digit = (pixel >> bit) & 1u;
+        shift ^= TILE_SHIFTS[2 * bit] * digit.x ^ TILE_SHIFTS[2 * bit + 1] * digit.y;
     }
-    return uvec4(owen(first, hash(seed ^ 0x51633e2du)), owen(sobol_second(first), hash(seed ^ 0x68bc21ebu)),
-                 owen(third, hash(seed ^ 0x02e5be93u)), owen(fourth, hash(seed ^ 0x967a889bu)));
+    return shift;
 }
 
-// Pixel coordinates times the generators of Roberts's R2 sequence (2018): each component is a lattice whose neighbours
-// differ much, so an error that follows it has high frequency.
-uvec4 lattice(uvec2 p) {
-    const uint a = 3242174889u, b = 2447445414u;
-    return uvec4(a * p.x + b * p.y, b * p.x - a * p.y, b * p.x + a * p.y, a * p.x - b * p.y);
+Sampler make_sampler(uvec2 pixel, uint seed) {
+    Sampler s = Sampler(0u, hash_combine(hash(pixel.x | pixel.y << 16), seed), 0u, uvec2(0u));
+    if (SAMPLER == SAMPLER_BLUE_NOISE) {
+        uvec2 tile = pixel >> TILE_BITS;
+        s.tile = hash_combine(hash(tile.x | tile.y << 16) ^ 0x9e3779b9u, seed);
+        s.shift = tile_shift(pixel);
+    }
+    return s;
+}
+
+// Seeds of a group's four scrambles.
+uvec4 coordinate_seeds(uint seed) {
+    return uvec4(hash(seed ^ 0x51633e2du), hash(seed ^ 0x68bc21ebu), hash(seed ^ 0x02e5be93u), hash(seed ^ 0x967a889bu));
+}
+
+// Two pairs of scrambled coordinates. The first of a pair is the reversed index: shuffling the index is scrambling it.
+uvec4 owen_pairs(uint index, uint order, uvec4 seeds, uvec2 shift) {
+    uint reversed = bitfieldReverse(index);
+    uint first = laine_karras(reversed, order);
+    uint second = laine_karras(reversed, hash(order ^ 0x2c1b3c6du));
+    return uvec4(owen(first ^ shift.x, seeds.x), owen(sobol_second(first) ^ shift.y, seeds.y),
+                 owen(second ^ shift.x, seeds.z), owen(sobol_second(second) ^ shift.y, seeds.w));
 }
 
 // Four coordinates as fractions of 2^32.
 uvec4 sample_bits(Sampler s, uint group) {
     uint seed = hash_combine(s.pixel, group);
-    if (SAMPLER == 1u) {
+    if (SAMPLER == SAMPLER_INDEPENDENT) {
         uint x = hash_combine(seed, s.index);
         return uvec4(x, hash(x + 0x68bc21ebu), hash(x + 0x02e5be93u), hash(x + 0x967a889bu));
     }
-    uvec4 point = owen_point(s.index, seed);
-    // A digital shift of scrambled points: they are as good, and the first lies on the lattice.
-    return group == LATTICE_GROUP ? point ^ owen_point(0u, seed) ^ lattice(s.place) : point;
+    uvec4 seeds = coordinate_seeds(seed);
+    if (SAMPLER != SAMPLER_BLUE_NOISE || group >= FIRST_WHITE_GROUP) {
+        return owen_pairs(s.index, seed, seeds, uvec2(0u));
+    }
+    // A digit's scrambling depends on the digits of the seed's halves up to its own.
+    const uint mask = SHARED_DIGITS | SHARED_DIGITS << 16;
+    uint tile = hash_combine(s.tile, group);
+    return owen_pairs(s.index, tile, (coordinate_seeds(tile) & mask) | (seeds & ~mask), s.shift);
 }
 
 // To [0, 1): 24 bits, as 32 would round up to 1.

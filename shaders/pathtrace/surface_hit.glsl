@@ -45,9 +45,18 @@ float footprint(vec2 a, vec2 b, vec2 c, float area2, float width, float cosine) 
         : -64.0;
 }
 
+// Index of a hit's instance record.
+uint instance_of(Hit hit) {
+    uint merged = push.merged_geometries;
+    if (merged == 0u) {
+        return hit.instance;
+    }
+    return hit.instance == 0u ? hit.geometry : merged + hit.instance - 1u;
+}
+
 // `width` is that of the ray's cone here (Akenine-Moeller et al. 2021).
 Point resolve_hit(Hit hit, vec3 direction, float width) {
-    MeshInstance instance = MeshInstanceReference(push.mesh_instances).instances[hit.instance];
+    MeshInstance instance = MeshInstanceReference(push.mesh_instances).instances[instance_of(hit)];
     GeometryInfo geometry = geometries[hit.geometry];
     Corners c = corners_of(geometry, hit.primitive, hit.barycentrics);
     mat3 linear = linear_of(instance);

@@ -116,3 +116,22 @@ fn the_hall_holds_all_that_it_shows() {
     );
     assert!(!package.scene().report.is_empty());
 }
+
+/// An extracted picture, read by the player's own reader of OpenEXR.
+#[test]
+fn extracted_radiance_is_that_of_the_package() {
+    use cairn_bake::look::{export, layer};
+    let package = baked("box/box.gltf", Some("hall/sky.hdr"));
+    let image = &package.scene().images[0];
+    let texels = package.texels().expect("texels");
+    let bytes = export::exr(image, texels, 2).expect("an OpenEXR");
+    let picture = cairn_player::exr::decode(&bytes).expect("a picture");
+    let side = image.width.to_native() as usize / 4;
+    assert_eq!((picture.width, picture.height), (side, 6 * side));
+    for face in 0..6 {
+        let plane = layer(image, texels, 2, face as u32);
+        let rows = &picture.texels[face * side * side..][..side * side];
+        let same = rows.iter().zip(&plane.texels).all(|(a, b)| a[..] == b[..3]);
+        assert!(same, "face {face}");
+    }
+}

@@ -3,7 +3,7 @@
 use super::SUCCESS;
 use crate::args::{Args, Settings};
 use crate::cache::Place;
-use crate::diagnostic::BakeError;
+use crate::diagnostic::{BakeError, listing};
 use crate::pipeline::{Options, bake};
 use crate::progress::{Bar, Progress, Silent};
 use crate::report::Summary;
@@ -23,6 +23,7 @@ fn bake_with_progress(args: &Args, settings: &Settings) -> Result<Summary, BakeE
     let cache = args.cache.clone().unwrap_or_else(Place::default_of_user);
     let options = Options {
         cache: cache.folder(),
+        strict: args.strict.clone().unwrap_or_default(),
         ..settings.options(&args.input, &args.output)
     };
     if args.quiet || args.json {
@@ -36,9 +37,7 @@ fn bake_with_progress(args: &Args, settings: &Settings) -> Result<Summary, BakeE
 
 fn print(args: &Args, summary: &Summary) {
     if !args.quiet {
-        for diagnostic in &summary.diagnostics {
-            eprintln!("{diagnostic}");
-        }
+        eprint!("{}", listing(&summary.diagnostics));
     }
     if args.json {
         match serde_json::to_string(summary) {

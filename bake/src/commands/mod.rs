@@ -3,7 +3,10 @@
 mod bake;
 mod bench;
 mod cache;
+mod diff;
+mod extract;
 mod inspect;
+mod report;
 mod shell;
 mod twice;
 mod verify;
@@ -48,6 +51,12 @@ pub enum Command {
     Cache(cache::Cache),
     /// Show what is inside a package.
     Inspect(inspect::Inspect),
+    /// Write a texture, a cube or a mesh of a package back out.
+    Extract(extract::Extract),
+    /// Tell two packages apart: sections, meshes, materials, textures, instances.
+    Diff(diff::Diff),
+    /// Write one page about a package: picture, sizes, times, errors, textures.
+    Report(report::Report),
     /// Check a package: every hash, every range, every float.
     Verify(verify::Verify),
     /// Measure time against error of a stage, beside other tools.
@@ -70,7 +79,7 @@ impl Cli {
         match done {
             Ok(code) => ExitCode::from(code),
             Err(error) => {
-                eprintln!("{error}");
+                eprintln!("{}", error.explained());
                 ExitCode::from(FAILURE)
             }
         }
@@ -83,6 +92,9 @@ impl Command {
         match self {
             Self::Cache(args) => args.run(),
             Self::Inspect(args) => args.run(),
+            Self::Extract(args) => args.run(),
+            Self::Diff(args) => args.run(),
+            Self::Report(args) => args.run(),
             Self::Verify(args) => args.run(),
             Self::Bench(args) => args.run(),
             Self::Completions(args) => args.run(),

@@ -121,7 +121,10 @@ impl Context {
         pointer: impl Into<String>,
         message: impl Into<String>,
     ) -> BakeError {
-        BakeError::input(code, &self.origin(pointer), message)
+        let pointer = pointer.into();
+        let object = self.document.object_at(&pointer);
+        let origin = self.origin(pointer);
+        BakeError::Input(Diagnostic::error(code, &origin, message).about(object))
     }
 
     /// A reference to an absent element of a top-level array.
@@ -158,8 +161,10 @@ impl Context {
         if let Some((_, count)) = warnings.list.get_mut(index) {
             *count += 1;
         } else {
+            let pointer = pointer.into();
+            let object = self.document.object_at(&pointer);
             let diagnostic = Diagnostic::warning(code, &self.origin(pointer), message);
-            warnings.list.push((diagnostic, 1));
+            warnings.list.push((diagnostic.about(object), 1));
         }
     }
 

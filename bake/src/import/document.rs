@@ -107,6 +107,43 @@ impl Document {
         Ok(document)
     }
 
+    /// Kind and name of the top-level element that a JSON pointer leads into, such as "mesh `Wheel`"; empty
+    /// where it leads elsewhere or the element has no name.
+    pub fn object_at(&self, pointer: &str) -> String {
+        let mut parts = pointer.split('/').skip(1);
+        let (Some(array), Some(index)) = (parts.next(), parts.next()) else {
+            return String::new();
+        };
+        let Ok(index) = index.parse::<usize>() else {
+            return String::new();
+        };
+        macro_rules! named {
+            ($($array:literal $kind:literal $field:ident),*) => {
+                match array {
+                    $($array => (
+                        $kind,
+                        self.$field.get(index).and_then(|element| element.name.as_deref()),
+                    ),)*
+                    _ => ("", None),
+                }
+            };
+        }
+        let (kind, name) = named!(
+            "accessors" "accessor" accessors,
+            "buffers" "buffer" buffers,
+            "bufferViews" "buffer view" buffer_views,
+            "cameras" "camera" cameras,
+            "images" "image" images,
+            "materials" "material" materials,
+            "meshes" "mesh" meshes,
+            "nodes" "node" nodes,
+            "samplers" "sampler" samplers,
+            "textures" "texture" textures
+        );
+        name.filter(|name| !name.is_empty())
+            .map_or(String::new(), |name| format!("{kind} `{name}`"))
+    }
+
     /// Extensions that are used but have no effect here, with their place in `extensionsUsed`.
     pub fn ignored_extensions(&self) -> impl Iterator<Item = (usize, &str)> {
         let names = self.extensions_used.iter().map(String::as_str);
@@ -191,6 +228,7 @@ fn malformed(error: serde_json::Error) -> Refusal {
     let what = text.split(" at line ").next().unwrap_or_default();
     let code = match error.classify() {
         serde_json::error::Category::Data => "gltf-schema",
+        _ if what == "number out of range" => "number-range",
         _ => "json-syntax",
     };
     refuse(
@@ -242,6 +280,26 @@ mod tests {
         assert!(Document::parse(text).unwrap().scenes[0].nodes.is_empty());
         let text = br#"{"asset":{"version":"2.1"},"animations":[{"channels":[{"target":{}}]}]}"#;
         assert_eq!(Document::parse(text).unwrap().animations.len(), 1);
+    }
+
+    #[test]
+    fn objects_are_named() {
+        let text = br#"{"asset":{"version":"2.0"},"nodes":[{"name":"Hall"},{},{"name":""}],
+            "meshes":[{"name":"Wheel","primitives":[]}]}"#;
+        let document = Document::parse(text).expect("a document");
+        for (pointer, object) in [
+            ("/nodes/0", "node `Hall`"),
+            ("/meshes/0/primitives/3/attributes", "mesh `Wheel`"),
+            ("/nodes/1", ""),
+            ("/nodes/2", ""),
+            ("/nodes/9", ""),
+            ("/nodes/x", ""),
+            ("/asset/version", ""),
+            ("byte 12", ""),
+            ("", ""),
+        ] {
+            assert_eq!(document.object_at(pointer), object, "{pointer}");
+        }
     }
 
     #[test]

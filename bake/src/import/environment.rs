@@ -177,14 +177,23 @@ fn decode_exr(bytes: &[u8], origin: &Origin, diagnostics: &mut Vec<Diagnostic>) 
         let message = "the data window differs from the display window; the data window is used";
         diagnostics.push(Diagnostic::warning("environment-window", origin, message));
     }
-    let image = read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .first_valid_layer()
-        .all_attributes()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(broken)?;
+    // In this thread: the library's decoders panic on some damaged blocks, and a panic in its pool ends the process.
+    let decoded = std::panic::catch_unwind(|| {
+        read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .first_valid_layer()
+            .all_attributes()
+            .non_parallel()
+            .from_buffered(Cursor::new(bytes))
+    });
+    let damaged = |_| {
+        broken(exr::error::Error::Invalid(
+            "a compressed block is damaged".into(),
+        ))
+    };
+    let image = decoded.map_err(damaged)?.map_err(broken)?;
     let layer = &image.layer_data;
     match exr_texels(layer) {
         Some(texels) => Ok((

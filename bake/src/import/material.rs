@@ -286,7 +286,7 @@ mod tests {
         let context = context(
             r#""materials":[{"alphaMode":"MASK","alphaCutoff":-1,"emissiveFactor":[2,0.5,-1],
             "pbrMetallicRoughness":{"metallicFactor":7,"roughnessFactor":-0.5,
-                "baseColorFactor":[1,1e39,0,0.25]},
+                "baseColorFactor":[1,1e38,0,0.25]},
             "extensions":{"KHR_materials_emissive_strength":{"emissiveStrength":10},
                 "KHR_materials_unlit":{}}}]"#,
         );

@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::fields::{float, record_values};
-use super::hex;
+use crate::pipeline::hex;
 
 /// Everything but bulk data.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -138,6 +138,16 @@ pub struct ErrorRow {
     pub metric: String,
     pub error: f64,
     pub bytes: u64,
+}
+
+impl ErrorRow {
+    /// The metric without its level, and the level, of a metric such as `alpha coverage delta, mip 3, one texel`.
+    pub fn level(&self) -> Option<(&str, &str)> {
+        let (metric, level) = self.metric.split_once(", mip ")?;
+        level
+            .starts_with(|digit: char| digit.is_ascii_digit())
+            .then_some((metric, level))
+    }
 }
 
 impl Contents {

@@ -1,9 +1,14 @@
 //! Looks into finished packages: what `inspect`, `extract`, `diff`, `verify` and `report` have in common.
 
+mod compare;
 mod contents;
 mod decode;
+mod difference;
+pub mod export;
 mod fields;
 mod mesh;
+mod nearest;
+mod page;
 mod picture;
 mod text;
 
@@ -14,15 +19,21 @@ use cairn_format::{Error, Package};
 use crate::diagnostic::{BakeError, Result};
 use crate::scene::Origin;
 
+pub use compare::{ImageDifference, MeshDifference};
 pub use contents::{
     Contents, ErrorRow, ImageRow, Item, MaterialRow, MeshRow, PrimitiveRow, SectionRow, SourceRow,
     TextureUse,
 };
 pub use decode::{Plane, decode, layer};
+pub use difference::{
+    Changes, Difference, FieldChange, FieldChanges, ImageChange, InstanceChange, MeshChange,
+    SectionChange,
+};
 pub use fields::record_values;
 pub use mesh::{MeshView, PrimitiveView, mesh, meshes};
-pub use picture::{Picture, thumbnail};
-pub use text::{bytes_text, hex, number, printable};
+pub use page::{Extras, page};
+pub use picture::{Picture, level_picture, thumbnail};
+pub use text::{bytes_text, number, printable};
 
 /// Opens a package; errors name the file.
 ///

@@ -71,7 +71,14 @@ impl Picture {
 /// # Panics
 /// Where `texels` is not the texel section of the image's package.
 pub fn thumbnail(image: &ArchivedImage, texels: &[u8], size: u32) -> Picture {
-    let level = level_for(image, size);
+    level_picture(image, texels, level_for(image, size), size)
+}
+
+/// A [`thumbnail`] of one level.
+///
+/// # Panics
+/// As [`thumbnail`], or where there is no such level.
+pub fn level_picture(image: &ArchivedImage, texels: &[u8], level: usize, size: u32) -> Picture {
     let mut plane = if image.layers.to_native() == 6 {
         panorama(image, texels, level, size)
     } else {

@@ -20,14 +20,6 @@ pub fn number(value: f64) -> String {
     }
 }
 
-/// Lower-case hexadecimal digits.
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
-}
-
 /// A name out of a file, safe to print: control characters, with which a terminal could be steered, are escaped.
 pub fn printable(name: &str) -> String {
     let mut text = String::with_capacity(name.len());
@@ -71,6 +63,5 @@ mod tests {
             [number(0.0), number(1.0 / 3.0), number(1e-7)],
             ["0.000", "0.333", "1.00e-7"]
         );
-        assert_eq!(hex(&[0, 255, 16]), "00ff10");
     }
 }

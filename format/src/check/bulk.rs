@@ -77,18 +77,18 @@ pub(crate) fn bulk(package: &Package, found: &mut Found) -> Flow {
 /// Padding of plain records is zero. Floats are finite: those of directional lights here, those of other records by
 /// rules of their own.
 fn record_fields(kind: SectionKind, bytes: &[u8], found: &mut Found) -> Flow {
-    let Some((name, size, fields)) = kind.record() else {
+    let Some(layout) = kind.record() else {
         return Flow::Continue(());
     };
     let wanted = |field: &&Field| {
         let float = field.is_float() && kind == SectionKind::DirectionalLights;
         float || field.name.starts_with("pad_")
     };
-    let fields: Vec<&Field> = fields.iter().filter(wanted).collect();
+    let fields: Vec<&Field> = layout.fields.iter().filter(wanted).collect();
     if fields.is_empty() {
         return Flow::Continue(());
     }
-    for (index, record) in bytes.chunks_exact(size).enumerate() {
+    for (index, record) in bytes.chunks_exact(layout.bytes).enumerate() {
         for field in &fields {
             let words: &[u32] = bytemuck::cast_slice(&record[field.offset..][..field.bytes()]);
             let what = match field.is_float() {
@@ -98,8 +98,8 @@ fn record_fields(kind: SectionKind, bytes: &[u8], found: &mut Found) -> Flow {
                 false if words.iter().any(|word| *word != 0) => "is not zero",
                 _ => continue,
             };
-            let offset = (index * size + field.offset) as u64;
-            let what = format!("{} of {name} {index} {what}", field.name);
+            let offset = (index * layout.bytes + field.offset) as u64;
+            let what = format!("{} of {} {index} {what}", field.name, layout.name);
             found(Error::corrupt(Part::Section(kind), offset, what))?;
         }
     }

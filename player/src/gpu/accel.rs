@@ -31,6 +31,8 @@ pub struct TraceGeometry {
     pub triangle_count: u32,
     /// Whether every ray that hits it stops; otherwise any-hit decides, once for each hit.
     pub opaque: bool,
+    /// Device address of a `VkTransformMatrixKHR` that places it in its structure; absent where it stands as it is.
+    pub transform: Option<vk::DeviceAddress>,
 }
 
 /// A placed bottom level.
@@ -490,7 +492,8 @@ fn triangles(geometry: &TraceGeometry) -> vk::AccelerationStructureGeometryKHR<'
         .vertex_stride(VERTEX_STRIDE)
         .max_vertex(geometry.vertex_count.saturating_sub(1))
         .index_type(vk::IndexType::UINT32)
-        .index_data(address(geometry.indices));
+        .index_data(address(geometry.indices))
+        .transform_data(address(geometry.transform.unwrap_or(0)));
     let flags = match geometry.opaque {
         true => vk::GeometryFlagsKHR::OPAQUE,
         false => vk::GeometryFlagsKHR::NO_DUPLICATE_ANY_HIT_INVOCATION,

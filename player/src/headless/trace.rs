@@ -16,6 +16,8 @@ use crate::tracer::{Counters, Tracer};
 
 /// Samples of a dispatch where the settings leave the pace to the program.
 const BATCH: u32 = 16;
+/// Dispatches that are timed to tell rays from shading.
+const SPLIT_BATCHES: u32 = 8;
 /// Dispatches from which their spread says something.
 const LEAST_BATCHES: u32 = 4;
 
@@ -30,6 +32,8 @@ pub struct TraceOptions {
     pub target_error: Option<f64>,
     /// Count rays, which costs time.
     pub count_rays: bool,
+    /// Afterwards measure the share of time that rays take.
+    pub split: bool,
     /// Light counts only where it is sampled, not where paths meet it.
     pub sampled_only: bool,
     /// Also read back albedo and normal.
@@ -53,8 +57,75 @@ pub struct TraceStats {
     pub relative_error: Option<f64>,
     /// What the GPU counted.
     pub counters: Counters,
+    /// Rays against shading, where that was asked for.
+    pub split: Option<Split>,
     /// The acceleration structures.
     pub build: BuildStats,
+}
+
+/// How much of the time rays take: the same samples with every ray traced once and twice. The second is nearer to what
+/// it needs in the caches, so the share is a lower bound.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Split {
+    /// Samples per pixel of either run.
+    pub samples: u32,
+    /// Wall time with every ray once.
+    pub seconds: f64,
+    /// Wall time with every ray twice.
+    pub twice_seconds: f64,
+    /// What the second time added, over the first.
+    pub ray_share: f64,
+}
+
+/// A picture on the way to a better one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stage {
+    /// Samples per pixel.
+    pub samples: u32,
+    /// Wall time of tracing so far; of copying pictures only this one's.
+    pub seconds: f64,
+    /// Mean radiance, rows of RGBA; A is 1.
+    pub radiance: Vec<[f32; 4]>,
+}
+
+/// Pictures of one run after each of these ascending numbers of samples.
+///
+/// # Errors
+/// As [`trace_on`].
+pub fn trace_series(
+    gpu: &Gpu,
+    package: &Package,
+    options: &HeadlessOptions,
+    counts: &[u32],
+) -> Result<Vec<Stage>, PlayerError> {
+    let limits = TraceOptions {
+        samples: counts.last().copied(),
+        ..TraceOptions::default()
+    };
+    let mut run = Run::checked(gpu, package, options, &limits)?;
+    // What a device does on first use is not tracing.
+    run.record(0, true)?;
+    let mut seconds = 0.0;
+    let mut stages = Vec::with_capacity(counts.len());
+    for count in counts {
+        let start = Instant::now();
+        while run.samples < *count {
+            let samples = run.batch.min(*count - run.samples);
+            run.record(samples, false)?;
+            run.samples += samples;
+        }
+        run.record(0, true)?;
+        let elapsed = start.elapsed().as_secs_f64();
+        let mut radiance = run.radiance()?;
+        radiance.iter_mut().for_each(|texel| texel[3] = 1.0);
+        stages.push(Stage {
+            samples: *count,
+            seconds: seconds + elapsed,
+            radiance,
+        });
+        seconds += elapsed;
+    }
+    Ok(stages)
 }
 
 /// Path-traces on a device that can.
@@ -67,14 +138,7 @@ pub fn trace_on(
     options: &HeadlessOptions,
     limits: &TraceOptions,
 ) -> Result<HeadlessImage, PlayerError> {
-    check_size(gpu, options.size)?;
-    if !gpu.traces_rays() {
-        return Err(PlayerError::Input(format!(
-            "{} cannot trace rays (VK_KHR_ray_tracing_pipeline): use --mode raster",
-            gpu.device_name()
-        )));
-    }
-    let mut run = Run::new(gpu, package, options, limits)?;
+    let mut run = Run::checked(gpu, package, options, limits)?;
     let start = Instant::now();
     while !run.done(limits, start.elapsed())? {
         run.step()?;
@@ -99,9 +163,27 @@ struct Run<'a> {
     batch: u32,
     goal: u32,
     error: Option<f64>,
+    split: bool,
 }
 
 impl<'a> Run<'a> {
+    /// [`Self::new`] where the device has what it takes.
+    fn checked(
+        gpu: &'a Gpu,
+        package: &'a Package,
+        options: &'a HeadlessOptions,
+        limits: &TraceOptions,
+    ) -> Result<Self, PlayerError> {
+        check_size(gpu, options.size)?;
+        if !gpu.traces_rays() {
+            return Err(PlayerError::Input(format!(
+                "{} cannot trace rays (VK_KHR_ray_tracing_pipeline): use --mode raster",
+                gpu.device_name()
+            )));
+        }
+        Self::new(gpu, package, options, limits)
+    }
+
     fn new(
         gpu: &'a Gpu,
         package: &'a Package,
@@ -158,6 +240,7 @@ impl<'a> Run<'a> {
             },
             goal: goal.max(1),
             error: None,
+            split: limits.split,
         })
     }
 
@@ -246,6 +329,28 @@ impl<'a> Run<'a> {
         Ok(texels)
     }
 
+    /// Traces some batches again, with every ray once and then twice.
+    fn measure_split(&mut self) -> Result<Split, PlayerError> {
+        let mut timed = |twice: bool| -> Result<f64, PlayerError> {
+            self.tracer.rays_twice = twice;
+            // The pipeline is made, and the device at work.
+            self.record(self.batch, true)?;
+            let start = Instant::now();
+            for _ in 0..SPLIT_BATCHES {
+                self.record(self.batch, false)?;
+            }
+            self.record(0, true)?;
+            Ok(start.elapsed().as_secs_f64())
+        };
+        let (seconds, twice_seconds) = (timed(false)?, timed(true)?);
+        Ok(Split {
+            samples: self.batch * SPLIT_BATCHES,
+            seconds,
+            twice_seconds,
+            ray_share: (twice_seconds - seconds) / seconds,
+        })
+    }
+
     fn finish(mut self, start: Instant) -> Result<HeadlessImage, PlayerError> {
         self.record(0, true)?;
         let seconds = start.elapsed().as_secs_f64();
@@ -258,6 +363,8 @@ impl<'a> Run<'a> {
             texel[3] = 1.0;
         }
         let counters = self.tracer.counters()?;
+        let rgba8 = self.output.read_pixels()?;
+        let split = self.split.then(|| self.measure_split()).transpose()?;
         let pixels = self.output.texels as f64;
         let stats = TraceStats {
             samples,
@@ -267,12 +374,13 @@ impl<'a> Run<'a> {
             megarays_per_second: counters.rays as f64 / seconds * 1e-6,
             relative_error: error,
             counters,
+            split,
             build: self.tracer.build_stats(),
         };
         Ok(HeadlessImage {
             width: self.options.size[0],
             height: self.options.size[1],
-            rgba8: self.output.read_pixels()?,
+            rgba8,
             hdr: Some(texels),
             passes: self.times.medians(),
             draws: crate::draw::DrawStats::default(),

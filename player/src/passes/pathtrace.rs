@@ -51,6 +51,8 @@ pub struct TraceVariant {
     pub sampler: PathSampler,
     /// Light counts only where it is sampled.
     pub sampled_only: bool,
+    /// Every ray is traced twice.
+    pub rays_twice: bool,
 }
 
 impl TraceVariant {
@@ -70,10 +72,11 @@ impl TraceVariant {
             (38, u32::from(self.count_rays)),
             (39, u32::from(self.guides)),
             (40, view),
-            (41, u32::from(self.sampler == PathSampler::Independent)),
+            (41, self.sampler as u32),
             (42, u32::from(self.sampled_only)),
             (43, u32::from(self.lod)),
             (44, u32::from(self.unlit)),
+            (45, u32::from(self.rays_twice)),
         ];
         self.surfaces
             .traced_constants()
@@ -235,6 +238,6 @@ pub fn push(
         directional_light_count: lights.directional,
         vertices: trace.vertices,
         emissive_count: trace.emissive_count,
-        pad_108: 0,
+        merged_geometries: trace.merged_count,
     }
 }

@@ -10,6 +10,7 @@ use cairn_format::scene::natives;
 use cairn_format::{Package, SectionKind, check};
 use glam::DVec3;
 
+use super::merge::Plan;
 use super::{Copy, GpuScene};
 use crate::PlayerError;
 use crate::gpu::Buffer;
@@ -38,39 +39,43 @@ pub struct TraceScene {
     pub vertices: vk::DeviceAddress,
     /// Whether some geometry is masked or blended.
     pub alpha: bool,
+    /// Geometries of the structure that is top-level instance 0; 0 where nothing is merged.
+    pub merged_count: u32,
 }
 
 impl TraceScene {
-    /// Builds acceleration structures over the vertices and indices of `scene`, and uploads the rest.
+    /// Builds acceleration structures over the vertices and indices of `scene`, and uploads the rest. With `merge`,
+    /// meshes share one structure where that copies few triangles.
     ///
     /// # Errors
     /// A damaged package, more geometries than a ray can name, failures of Vulkan.
     ///
     /// # Panics
     /// Where the device cannot trace rays.
-    pub fn new(gpu: &Gpu, scene: &GpuScene, package: &Package) -> Result<Self, PlayerError> {
+    pub fn new(
+        gpu: &Gpu,
+        scene: &GpuScene,
+        package: &Package,
+        merge: bool,
+    ) -> Result<Self, PlayerError> {
         check::mesh_instances(package.mesh_instances()?, package.scene())?;
         check::emissive(package)?;
         check::env_alias(package.section(SectionKind::EnvAlias)?)?;
-        let primitives = package.scene().primitives.len() as u32;
-        if primitives > MAX_CUSTOM_INDEX {
-            return Err(PlayerError::Input(format!(
-                "{primitives} primitives: rays can tell {MAX_CUSTOM_INDEX} apart; join meshes"
-            )));
-        }
         let address = |buffer: &Option<Buffer>| buffer.as_ref().map_or(0, Buffer::device_address);
         let (vertices, indices) = (address(&scene.vertices), address(&scene.indices));
-        let infos = geometry_table(package, vertices, indices)?;
         let bounds = &package.scene().bounds;
         let corner = |corner: &[_; 3]| DVec3::from(natives(corner).map(f64::from));
         let (least, most) = (corner(&bounds.min), corner(&bounds.max));
         let center = ((least + most) * 0.5).as_vec3();
         let instances = centered(package.mesh_instances()?, center.as_dvec3());
-        let (meshes, placed) = if vertices == 0 {
-            (Vec::new(), Vec::new())
-        } else {
-            (geometries(package, &infos), placements(&instances))
-        };
+        let infos = geometry_table(package, vertices, indices)?;
+        let plan = Plan::new(package, &infos, &instances, merge);
+        let geometries = plan.infos.len() as u64;
+        if geometries > u64::from(MAX_CUSTOM_INDEX) {
+            return Err(PlayerError::Input(format!(
+                "{geometries} geometries: rays can tell {MAX_CUSTOM_INDEX} apart; join meshes"
+            )));
+        }
 
         let mut uploader = Uploader::new(gpu)?;
         let mut copy = Copy {
@@ -78,9 +83,11 @@ impl TraceScene {
             uploader: &mut uploader,
         };
         let storage = vk::BufferUsageFlags::STORAGE_BUFFER;
-        let geometry_buffer = records(&mut copy, "geometry table", storage, &infos)?;
-        let addressed = storage | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS;
-        let instance_buffer = records(&mut copy, "mesh instances", addressed, &instances)?;
+        let geometry_buffer = records(&mut copy, "geometry table", storage, &plan.infos)?;
+        let addressed = storage
+            | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS
+            | vk::BufferUsageFlags::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR;
+        let instance_buffer = records(&mut copy, "mesh instances", addressed, &plan.instances)?;
         let alias = package.emissive_alias()?;
         let emissive = if alias.is_empty() {
             None
@@ -101,8 +108,14 @@ impl TraceScene {
         });
         let distribution = distribution.transpose()?;
         uploader.finish()?;
+        let (bottoms, placed) = if vertices == 0 {
+            (Vec::new(), Vec::new())
+        } else {
+            structures(package, &plan, instance_buffer.device_address())
+        };
         Ok(Self {
-            top: TopLevel::build(gpu, &meshes, &placed)?,
+            top: TopLevel::build(gpu, &bottoms, &placed)?,
+            merged_count: plan.merged_count,
             geometries: geometry_buffer,
             mesh_instances: instance_buffer,
             environment,
@@ -127,7 +140,8 @@ impl TraceScene {
         self.environment.is_some()
     }
 
-    /// Cumulative shares of the importance table's rows, then for each row those of its cells.
+    /// Cumulative shares of the importance table's rows, then for each row those of its cells; then the guides of the
+    /// same runs: see [`guide`].
     pub fn distribution(&self) -> Option<&Buffer> {
         self.distribution.as_ref()
     }
@@ -173,8 +187,9 @@ fn records<T: bytemuck::Pod>(
     copy.buffer(name, usage, bytes, size_of::<T>(), |_, _| Ok(()))
 }
 
-/// The importance table as distributions that can be inverted: rows, then each row's cells. Each ends in 1.
-fn distribution(header: &EnvAliasHeader, entries: &[EnvAliasEntry]) -> Vec<f32> {
+/// The importance table as distributions that can be inverted: rows, then each row's cells, as the bits of floats. Each
+/// ends in 1. Behind them the guide of the rows, and of each row's cells.
+fn distribution(header: &EnvAliasHeader, entries: &[EnvAliasEntry]) -> Vec<u32> {
     let (width, height) = (header.width as usize, header.height as usize);
     let edge = |row: usize| (row as f64 / height as f64 * std::f64::consts::PI).cos();
     let rows = entries.chunks_exact(width).enumerate();
@@ -182,13 +197,32 @@ fn distribution(header: &EnvAliasHeader, entries: &[EnvAliasEntry]) -> Vec<f32> 
         let sum: f64 = cells.iter().map(|cell| f64::from(cell.luminance)).sum();
         sum * (edge(row) - edge(row + 1))
     });
-    let mut steps = cumulative(sums);
+    let mut runs = vec![cumulative(sums)];
     for cells in entries.chunks_exact(width) {
-        steps.extend(cumulative(
+        runs.push(cumulative(
             cells.iter().map(|cell| f64::from(cell.luminance)),
         ));
     }
+    let steps = runs.iter().flatten().map(|step| step.to_bits());
     steps
+        .chain(runs.iter().flat_map(|run| guide(run)))
+        .collect()
+}
+
+/// For each of `k` even parts of 0..1, as many as the run has steps or up to the next power of two: the first step above
+/// the part's start. A search begins there and ends at the next part's (Chen and Asau 1974).
+fn guide(run: &[f32]) -> Vec<u32> {
+    let parts = run.len().next_power_of_two();
+    let mut step = 0;
+    let first_above = |part: usize| {
+        // Exact: the number of parts is a power of two.
+        let start = part as f32 / parts as f32;
+        while step + 1 < run.len() && run[step] <= start {
+            step += 1;
+        }
+        step as u32
+    };
+    (0..parts).map(first_above).collect()
 }
 
 /// Running sums over the total; even steps where that is 0.
@@ -245,26 +279,81 @@ fn geometry_table(
     Ok(infos)
 }
 
-/// The geometries of each mesh.
-fn geometries(package: &Package, infos: &[GeometryInfo]) -> Vec<Vec<TraceGeometry>> {
+/// Bottom levels, the merged one first, and the top level's instances. `transforms` is the device address of the
+/// plan's instances.
+fn structures(
+    package: &Package,
+    plan: &Plan,
+    transforms: vk::DeviceAddress,
+) -> (Vec<Vec<TraceGeometry>>, Vec<TraceInstance>) {
     let scene = package.scene();
-    let geometry = |index: usize| {
-        let (primitive, info) = (&scene.primitives[index], &infos[index]);
-        TraceGeometry {
+    let merged = plan.merged_count as usize;
+    let all = plan.infos[merged..].iter().zip(scene.primitives.iter());
+    let all: Vec<TraceGeometry> = all
+        .map(|(info, primitive)| TraceGeometry {
             vertices: info.vertex_buffer_address,
             vertex_count: primitive.vertex_count.to_native(),
             indices: info.index_buffer_address,
             triangle_count: primitive.traced_index_count.to_native() / 3,
             opaque: primitive.opaque,
-        }
-    };
-    let meshes = scene.meshes.iter().map(|mesh| {
+            transform: None,
+        })
+        .collect();
+    let range = |mesh: u32| {
+        let mesh = &scene.meshes[mesh as usize];
         let first = mesh.first_primitive.to_native() as usize;
-        let end = first + mesh.primitive_count.to_native() as usize;
-        (first..end).map(geometry).collect()
-    });
-    meshes.collect()
+        first..first + mesh.primitive_count.to_native() as usize
+    };
+    let (mut bottoms, mut placed) = (Vec::new(), Vec::new());
+    if merged > 0 {
+        bottoms.push(merged_geometries(plan, &all, &range, transforms));
+        placed.push(TraceInstance {
+            transform: IDENTITY,
+            bottom: 0,
+            custom_index: 0,
+        });
+    }
+    let mut bottom_of = vec![None; plan.merged.len()];
+    for instance in &plan.instances[merged..] {
+        let bottom = *bottom_of[instance.mesh as usize].get_or_insert_with(|| {
+            bottoms.push(all[range(instance.mesh)].to_vec());
+            bottoms.len() as u32 - 1
+        });
+        placed.push(TraceInstance {
+            transform: instance.transform,
+            bottom,
+            custom_index: plan.merged_count + instance.first_geometry,
+        });
+    }
+    (bottoms, placed)
 }
+
+/// The merged geometries, each in its instance's place.
+fn merged_geometries(
+    plan: &Plan,
+    all: &[TraceGeometry],
+    range: &dyn Fn(u32) -> std::ops::Range<usize>,
+    transforms: vk::DeviceAddress,
+) -> Vec<TraceGeometry> {
+    let mut geometries: Vec<TraceGeometry> = Vec::with_capacity(plan.merged_count as usize);
+    while geometries.len() < plan.merged_count as usize {
+        let mesh = plan.instances[geometries.len()].mesh;
+        for geometry in &all[range(mesh)] {
+            let record = (geometries.len() * size_of::<MeshInstance>()) as u64;
+            geometries.push(TraceGeometry {
+                transform: Some(transforms + record),
+                ..*geometry
+            });
+        }
+    }
+    geometries
+}
+
+const IDENTITY: [[f32; 4]; 3] = [
+    [1.0, 0.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0, 0.0],
+    [0.0, 0.0, 1.0, 0.0],
+];
 
 /// The instances, moved so that `center` is the origin.
 fn centered(instances: &[MeshInstance], center: DVec3) -> Vec<MeshInstance> {
@@ -279,13 +368,51 @@ fn centered(instances: &[MeshInstance], center: DVec3) -> Vec<MeshInstance> {
     instances.iter().map(moved).collect()
 }
 
-fn placements(instances: &[MeshInstance]) -> Vec<TraceInstance> {
-    instances
-        .iter()
-        .map(|instance| TraceInstance {
-            transform: instance.transform,
-            bottom: instance.mesh,
-            custom_index: instance.first_geometry,
-        })
-        .collect()
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What the shader does: the step that `u` falls into, and where the search began and ended.
+    fn invert(run: &[f32], guide: &[u32], u: f32) -> (usize, u32) {
+        let part = (u * guide.len() as f32) as usize;
+        let mut low = guide[part] as usize;
+        let mut high = guide
+            .get(part + 1)
+            .map_or(run.len() - 1, |step| *step as usize);
+        let mut reads = 0;
+        while low < high {
+            let middle = (low + high) / 2;
+            if run[middle] > u {
+                high = middle;
+            } else {
+                low = middle + 1;
+            }
+            reads += 1;
+        }
+        (low, reads)
+    }
+
+    #[test]
+    fn guided_searches_find_what_a_scan_finds() {
+        for count in [1_usize, 2, 3, 64, 100, 511] {
+            for spiky in [false, true] {
+                let weight = |index: usize| match (spiky, index % 37) {
+                    (true, 5) => 1e4,
+                    (true, _) => 0.0,
+                    (false, step) => 0.1 + step as f64,
+                };
+                let run = cumulative((0..count).map(weight));
+                let guide = guide(&run);
+                let mut reads = 0;
+                for tick in 0..4096 {
+                    let u = tick as f32 / 4096.0;
+                    let found = invert(&run, &guide, u);
+                    let first = run.iter().position(|step| *step > u);
+                    assert_eq!(Some(found.0), first, "{count} {spiky} {u}");
+                    reads += found.1;
+                }
+                assert!(reads < 2 * 4096, "{count} {spiky}: {reads} reads");
+            }
+        }
+    }
 }

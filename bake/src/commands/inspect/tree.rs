@@ -189,7 +189,7 @@ impl Tree<'_> {
                 bytes_text(image.bytes)
             ),
         ];
-        let errors = image.errors.iter();
+        let errors = image.errors.iter().filter(|row| row.level().is_none());
         lines.extend(errors.map(|row| format!("{} {}", number(row.error), printable(&row.metric))));
         let Some(picture) = self.pictures.get(index) else {
             return lines.iter().enumerate().try_for_each(|(index, line)| {

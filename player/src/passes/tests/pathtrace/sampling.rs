@@ -8,41 +8,70 @@ use super::{samples, trace, traced, white, wide};
 use crate::headless::HeadlessImage;
 use crate::settings::PathSampler;
 
-/// Direction numbers of a primitive polynomial (without its leading bit, highest coefficient first) by the recurrence
-/// of Bratley and Fox 1988.
-fn directions(polynomial: &[bool], initial: &[u32]) -> [u32; 32] {
-    let degree = initial.len();
-    let mut numbers = [0; 32];
-    for (bit, number) in initial.iter().enumerate() {
-        numbers[bit] = number << (31 - bit);
-    }
-    for bit in degree..32 {
-        let mut next = numbers[bit - degree] ^ (numbers[bit - degree] >> degree);
-        for (term, coefficient) in polynomial.iter().enumerate() {
-            if *coefficient {
-                next ^= numbers[bit - term - 1];
-            }
-        }
-        numbers[bit] = next;
-    }
-    numbers
+/// The shader's table: what each bit of a pixel's x and y adds to both coordinates.
+fn tile_shifts() -> Vec<[u32; 2]> {
+    let source = include_str!("../../../../../shaders/pathtrace/sampler.glsl");
+    let start = source
+        .find("TILE_SHIFTS[2 * TILE_BITS] =")
+        .expect("the table");
+    let body = &source[start..source[start..].find(';').expect("its end") + start];
+    let words: Vec<u32> = body
+        .split("0x")
+        .skip(1)
+        .map(|text| u32::from_str_radix(&text[..8], 16).expect("hexadecimal"))
+        .collect();
+    words.as_chunks::<2>().0.to_vec()
 }
 
+/// Rank over GF(2).
+fn rank(mut rows: Vec<u32>) -> usize {
+    let mut rank = 0;
+    while let Some(row) = rows.pop() {
+        if row != 0 {
+            rank += 1;
+            let lowest = row & row.wrapping_neg();
+            for other in &mut rows {
+                if *other & lowest != 0 {
+                    *other ^= row;
+                }
+            }
+        }
+    }
+    rank
+}
+
+/// The first 2^k points of a pixel with those of its neighbours in an aligned square are a net of quality 1: t of
+/// Niederreiter 1987, from the ranks of the generator matrices' leading rows. In one pair of cases it is 2.
 #[test]
-fn direction_numbers_follow_the_recurrence() {
-    let source = include_str!("../../../../../shaders/pathtrace/sampler.glsl");
-    for (name, polynomial, initial) in [
-        ("SOBOL_THIRD", &[true][..], &[1, 1][..]),
-        ("SOBOL_FOURTH", &[true, false], &[1, 1, 5]),
-    ] {
-        let start = source.find(&format!("{name}[32] =")).expect("the table");
-        let body = &source[start..source[start..].find(';').expect("its end") + start];
-        let found: Vec<u32> = body
-            .split("0x")
-            .skip(1)
-            .map(|text| u32::from_str_radix(&text[..8], 16).expect("hexadecimal"))
-            .collect();
-        assert_eq!(found, directions(polynomial, initial), "{name}");
+fn neighbours_fill_each_others_gaps() {
+    let shifts = tile_shifts();
+    assert_eq!(shifts.len(), 8);
+    let own = |coordinate: usize, digit: u32, bit: u32| match coordinate {
+        0 => digit == bit,
+        _ => digit & bit == digit,
+    };
+    for samples in 0..=6u32 {
+        for pixels in [2usize, 4, 6, 8] {
+            let digits = samples + pixels as u32;
+            let row = |coordinate: usize, digit: u32| {
+                let own = (0..samples).map(|bit| u32::from(own(coordinate, digit, bit)) << bit);
+                let of_pixel = shifts[..pixels].iter().enumerate().map(|(bit, shift)| {
+                    (shift[coordinate] >> (31 - digit) & 1) << (samples + bit as u32)
+                });
+                own.chain(of_pixel).fold(0, |row, bit| row | bit)
+            };
+            let worst = (0..=digits).map(|first| {
+                let rows = (0..first).map(|digit| row(0, digit));
+                let rows = rows.chain((0..digits - first).map(|digit| row(1, digit)));
+                digits as usize - rank(rows.collect())
+            });
+            let allowed = if (samples, pixels) == (6, 2) { 2 } else { 1 };
+            let worst = worst.max().expect("a split");
+            assert!(
+                worst <= allowed,
+                "2^{samples} samples, 2^{pixels} pixels: {worst}"
+            );
+        }
     }
 }
 
@@ -59,13 +88,26 @@ fn soft() -> Fixture {
     }
 }
 
+/// Pixels a side of the pictures whose error has its frequencies measured.
+const WIDE: u32 = 32;
+
 fn shoot(gpu: &crate::gpu::Gpu, sampler: PathSampler, seed: u32, count: u32) -> HeadlessImage {
+    shoot_at(gpu, sampler, seed, count, 16)
+}
+
+fn shoot_at(
+    gpu: &crate::gpu::Gpu,
+    sampler: PathSampler,
+    seed: u32,
+    count: u32,
+    side: u32,
+) -> HeadlessImage {
     let mut settings = traced();
     settings.path.sampler = sampler;
     settings.path.seed = seed;
     settings.path.bounces = 1;
     let camera = towards_origin(Vec3::new(0.6, -1.2, 2.6));
-    trace(gpu, &soft(), [16, 16], camera, settings, &samples(count))
+    trace(gpu, &soft(), [side; 2], camera, settings, &samples(count))
 }
 
 fn rmse(image: &HeadlessImage, reference: &HeadlessImage) -> f64 {
@@ -92,7 +134,7 @@ fn error_falls_faster_than_that_of_random_numbers() {
         (sum / f64::from(runs)).sqrt()
     };
     let counts = [4u32, 32, 256, 1024];
-    let owen = counts.map(|count| error(PathSampler::Owen, count));
+    let owen = counts.map(|count| error(PathSampler::BlueNoise, count));
     let random = counts.map(|count| error(PathSampler::Independent, count));
     let slope = (owen[3] / owen[0]).ln() / 256f64.ln();
     println!("owen {owen:?}\nrandom {random:?}\nslope {slope}");
@@ -103,39 +145,50 @@ fn error_falls_faster_than_that_of_random_numbers() {
     assert_eq!(gpu.close(), Vec::<String>::new());
 }
 
-/// Neighbouring pixels err against each other: averaged over 2x2 pixels, one sample's error falls further than that
-/// of random numbers.
+/// Share of the error's power in the low quarter of frequencies, against its even share: 1 for white noise. Of `runs`
+/// pictures of `count` samples, the error of each against the mean of all.
+fn low_frequency_power(gpu: &crate::gpu::Gpu, sampler: PathSampler, count: u32, runs: u32) -> f64 {
+    const BLOCK: usize = 4;
+    let images: Vec<Vec<f64>> = (0..runs)
+        .map(|seed| {
+            let image = shoot_at(gpu, sampler, seed, count, WIDE);
+            let hdr = image.hdr.expect("read back");
+            hdr.iter().map(|texel| f64::from(texel[1])).collect()
+        })
+        .collect();
+    let side = WIDE as usize;
+    let (mut all, mut low) = (0.0, 0.0);
+    for image in &images {
+        let error: Vec<f64> = (0..side * side)
+            .map(|at| {
+                let mean: f64 = images.iter().map(|image| image[at]).sum::<f64>();
+                image[at] - mean / f64::from(runs)
+            })
+            .collect();
+        all += error.iter().map(|error| error * error).sum::<f64>() / (side * side) as f64;
+        let blocks = side / BLOCK;
+        for block in 0..blocks * blocks {
+            let (x, y) = (block % blocks * BLOCK, block / blocks * BLOCK);
+            let sum: f64 = (0..BLOCK * BLOCK)
+                .map(|at| error[(y + at / BLOCK) * side + x + at % BLOCK])
+                .sum();
+            low += sum * sum / ((BLOCK * BLOCK) as f64 * (blocks * blocks) as f64);
+        }
+    }
+    low / all
+}
+
+/// Neighbouring pixels err against each other: what is left over blocks of 4x4 pixels is half of what white noise
+/// leaves there, at 1 and at 4 samples.
 #[test]
 fn few_samples_err_at_high_frequency() {
     let Some(gpu) = device() else { return };
-    let reference = shoot(&gpu, PathSampler::Owen, 77, 4096);
-    let blurred = |sampler| {
-        let mut sum = 0.0;
-        for seed in 0..4 {
-            let image = shoot(&gpu, sampler, seed, 1);
-            let texels = |image: &HeadlessImage| image.hdr.clone().expect("read back");
-            let (a, b) = (texels(&image), texels(&reference));
-            let error: Vec<f64> = a
-                .iter()
-                .zip(&b)
-                .map(|(a, b)| f64::from(a[1] - b[1]))
-                .collect();
-            for block in 0..64usize {
-                let (x, y) = (block % 8 * 2, block / 8 * 2);
-                let total: f64 = [0, 1, 16, 17]
-                    .iter()
-                    .map(|step| error[y * 16 + x + step])
-                    .sum();
-                sum += (total / 4.0).powi(2);
-            }
-        }
-        (sum / 256.0).sqrt()
-    };
-    let (owen, random) = (
-        blurred(PathSampler::Owen),
-        blurred(PathSampler::Independent),
-    );
-    println!("2x2 blurred, one sample: owen {owen}, random {random}");
-    assert!(owen * 1.25 <= random, "{owen} against {random}");
+    for count in [1, 4] {
+        let [blue, owen] = [PathSampler::BlueNoise, PathSampler::Owen]
+            .map(|sampler| low_frequency_power(&gpu, sampler, count, 6));
+        println!("{count} samples: power at low frequency {blue} of even, owen {owen}");
+        assert!(blue < 0.6, "{count} samples: {blue}");
+        assert!((0.8..1.25).contains(&owen), "{count} samples: {owen}");
+    }
     assert_eq!(gpu.close(), Vec::<String>::new());
 }

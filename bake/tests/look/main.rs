@@ -1,5 +1,9 @@
 //! `inspect`, `verify`, `diff` and `extract` on packages of our own scenes: what they print, their exit codes.
 
+mod diff;
+mod extract;
+mod report;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -182,4 +186,31 @@ fn what_is_no_package_is_an_error() {
             );
         }
     }
+}
+
+/// The example, where cargo built it beside this test.
+#[test]
+fn the_example_bakes_and_tells_its_progress() {
+    let test = std::env::current_exe().expect("this test");
+    let name = format!("bake{}", std::env::consts::EXE_SUFFIX);
+    let example = test
+        .ancestors()
+        .nth(2)
+        .map(|folder| folder.join("examples").join(name));
+    let Some(example) = example.filter(|file| file.is_file()) else {
+        eprintln!("SKIPPED: the example is not built");
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let package = folder.path().join("box.cairn");
+    let done = Command::new(&example)
+        .args([path(&asset("box/box.gltf")), path(&package)])
+        .output()
+        .expect("the example runs");
+    let printed = text(&done.stdout);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    for part in ["import ...", "write ...", "12 triangles"] {
+        assert!(printed.contains(part), "`{part}` in {printed}");
+    }
+    assert!(run(&["verify", path(&package), "--quiet"]).status.success());
 }
