@@ -4,7 +4,7 @@ use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 
 use crate::cache::Place;
-use crate::encode::{Effort, EncodeOptions, Kernels, MipFilter, SkyFormat};
+use crate::encode::{Effort, EncodeOptions, Kernels, MipFilter, SkyFormat, Target};
 use crate::environment::{EnvironmentOptions, SunMode};
 use crate::pipeline::{DEFAULT_LIMIT_PIXELS, Options};
 use crate::strict::Strict;
@@ -47,6 +47,9 @@ pub struct Settings {
     /// each texture gets the cheapest preset that reaches it.
     #[arg(long, value_name = "EFFORT", default_value_t)]
     pub texture_quality: Effort,
+    /// What the package is for: GPUs that read BC textures, or any GPU.
+    #[arg(long, value_enum, default_value = "desktop")]
+    pub target: Target,
     /// How mips are made.
     #[arg(long, value_enum, default_value = "kaiser")]
     pub mip_filter: MipFilter,
@@ -62,9 +65,9 @@ pub struct Settings {
     /// Bound of the relative RMS error of every prefiltered level, in place of that of --ibl-quality.
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     pub ibl_error: Option<f64>,
-    /// Storage of the sky and of the prefiltered cube.
-    #[arg(long, value_enum, default_value = "bc6h")]
-    pub sky_format: SkyFormat,
+    /// Storage of the sky and of the prefiltered cube: bc6h, or rgb9e5 where --target is portable.
+    #[arg(long, value_enum)]
+    pub sky_format: Option<SkyFormat>,
     /// Side of the sky cube's faces, rounded up to a power of two; by default it follows the panorama's resolution.
     #[arg(long, value_name = "TEXELS", value_parser = clap::value_parser!(u32).range(8..=4096))]
     pub sky_size: Option<u32>,
@@ -116,7 +119,7 @@ impl Settings {
             environment: self.env.clone(),
             textures: self.textures(),
             light: self.light(),
-            sky_format: self.sky_format,
+            sky_format: self.sky_format(),
             limit_pixels: self.limit_pixels,
             ..Options::new(input, output)
         }
@@ -132,7 +135,16 @@ impl Settings {
             } else {
                 Kernels::Reproducible
             },
+            target: self.target,
         }
+    }
+
+    /// Storage of the sky.
+    pub fn sky_format(&self) -> SkyFormat {
+        self.sky_format.unwrap_or(match self.target {
+            Target::Desktop => SkyFormat::default(),
+            Target::Portable => SkyFormat::Rgb9e5,
+        })
     }
 
     /// Options of image-based light.

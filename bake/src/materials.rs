@@ -12,11 +12,20 @@ use crate::scene::{AlphaMode, Material, Sampler, Scene, TextureRef, UvTransform}
 pub struct ImageUse {
     /// Index into `Scene::images`.
     pub image: u32,
+    /// Colour, data or normal: content decides how data is stored.
     pub role: Role,
+    /// Bits of the channels that materials read: 1 is red, 8 is alpha.
+    pub channels: u8,
     pub alpha: AlphaUse,
     /// The sampler whose wrap modes the mip filter follows.
     pub sampler: Sampler,
 }
+
+const RED: u8 = 1;
+const GREEN: u8 = 2;
+const BLUE: u8 = 4;
+const ALPHA: u8 = 8;
+const RGB: u8 = RED | GREEN | BLUE;
 
 /// A texture slot: indices into [`Plan::images`] and [`Plan::samplers`], and what happens to the coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,6 +51,8 @@ pub struct Plan {
     pub names: Vec<String>,
     /// Feature bits that follow from textures.
     pub features: u32,
+    /// Occlusion and metallic-roughness images that materials use together, and nothing uses otherwise.
+    pub companions: Vec<[u32; 2]>,
 }
 
 /// Plans the records of `used`: indices into the scene's materials, `None` for glTF's default material.
@@ -62,6 +73,7 @@ pub fn plan(scene: &Scene, used: &[Option<u32>]) -> Plan {
     if plan.extensions.iter().all(|extension| extension.lobes == 0) {
         plan.extensions.clear();
     }
+    plan.keep_exclusive_companions();
     let moves = |slot: &Slot| slot.transform != UvTransform::IDENTITY;
     if plan.slots.iter().any(moves) {
         plan.transforms = plan.slots.iter().map(transform).collect();
@@ -90,37 +102,73 @@ impl Plan {
                 cutoff: material.alpha_cutoff / material.base_color.w.max(f32::MIN_POSITIVE),
             },
         };
-        gpu::Material {
+        let record = gpu::Material {
             base_color_factor: material.base_color.to_array(),
             emissive_factor: material.emissive.extend(0.0).to_array(),
             metallic_factor: material.metallic,
             roughness_factor: material.roughness,
             normal_scale: material.normal_scale,
             occlusion_strength: material.occlusion_strength,
-            base_color_tex: self.reference(scene, uses.base_color, Role::Color, alpha),
-            emissive_tex: self.reference(scene, uses.emissive, Role::Color, AlphaUse::Ignore),
-            metallic_roughness_tex: self.reference(
-                scene,
-                uses.metallic_roughness,
-                Role::Data,
-                AlphaUse::Ignore,
-            ),
-            normal_tex: self.reference(scene, uses.normal, Role::Normal, AlphaUse::Ignore),
-            occlusion_tex: self.reference(scene, uses.occlusion, Role::Data, AlphaUse::Ignore),
+            base_color_tex: self.color(scene, uses.base_color, alpha),
+            emissive_tex: self.color(scene, uses.emissive, AlphaUse::Ignore),
+            metallic_roughness_tex: self.data(scene, uses.metallic_roughness, GREEN | BLUE),
+            normal_tex: self.normal(scene, uses.normal),
+            occlusion_tex: self.data(scene, uses.occlusion, RED),
             alpha_cutoff: material.alpha_cutoff,
             alpha_mode: alpha_mode(material.alpha_mode),
             double_sided: flags(material),
+        };
+        if let [Some(occlusion), Some(roughness)] =
+            [record.occlusion_tex, record.metallic_roughness_tex]
+                .map(|texture| self.image_of(texture))
+            && occlusion != roughness
+        {
+            find_or_push(&mut self.companions, [occlusion, roughness]);
         }
+        record
+    }
+
+    /// The image behind a texture reference.
+    fn image_of(&self, reference: u32) -> Option<u32> {
+        let slot = self.slots.get((reference & !gpu::TEXTURE_UV1) as usize)?;
+        (reference != gpu::NO_TEXTURE).then_some(slot.image)
+    }
+
+    /// Leaves the pairs whose images have one companion each, are read by nothing else, and wrap alike.
+    fn keep_exclusive_companions(&mut self) {
+        let all = std::mem::take(&mut self.companions);
+        let lonely = |[occlusion, roughness]: &[u32; 2]| {
+            let images = [occlusion, roughness].map(|&image| self.images[image as usize]);
+            let wraps = images.map(|image| (image.sampler.wrap_u, image.sampler.wrap_v));
+            let shares = |other: &&[u32; 2]| other[0] == *occlusion || other[1] == *roughness;
+            images.map(|image| image.channels) == [RED, GREEN | BLUE]
+                && wraps[0] == wraps[1]
+                && all.iter().filter(shares).count() == 1
+        };
+        self.companions = all.iter().filter(|pair| lonely(pair)).copied().collect();
+    }
+
+    fn color(&mut self, scene: &Scene, texture: Option<TextureRef>, alpha: AlphaUse) -> u32 {
+        let channels = if alpha == AlphaUse::Ignore {
+            RGB
+        } else {
+            RGB | ALPHA
+        };
+        self.reference(scene, texture, Role::Color, channels, alpha)
+    }
+
+    fn data(&mut self, scene: &Scene, texture: Option<TextureRef>, channels: u8) -> u32 {
+        let alpha = data_alpha(channels);
+        self.reference(scene, texture, Role::Data, channels, alpha)
+    }
+
+    fn normal(&mut self, scene: &Scene, texture: Option<TextureRef>) -> u32 {
+        self.reference(scene, texture, Role::Normal, RGB, AlphaUse::Ignore)
     }
 
     fn extension(&mut self, scene: &Scene, material: &Material) -> gpu::MaterialExtension {
         let uses = MaterialUse::of(Some(material));
         let lobes = &material.lobes;
-        let color = |plan: &mut Self, texture| {
-            plan.reference(scene, texture, Role::Color, AlphaUse::Ignore)
-        };
-        let data =
-            |plan: &mut Self, texture, alpha| plan.reference(scene, texture, Role::Data, alpha);
         let mut record = gpu::MaterialExtension {
             lobes: uses.lobes,
             ..gpu::MaterialExtension::default()
@@ -129,24 +177,22 @@ impl Plan {
             record.clearcoat_factor = lobes.clearcoat;
             record.clearcoat_roughness = lobes.clearcoat_roughness;
             record.clearcoat_normal_scale = lobes.clearcoat_normal_scale;
-            record.clearcoat_tex = data(self, uses.clearcoat, AlphaUse::Ignore);
-            record.clearcoat_roughness_tex = data(self, uses.clearcoat_roughness, AlphaUse::Ignore);
-            let normal = uses.clearcoat_normal;
-            record.clearcoat_normal_tex =
-                self.reference(scene, normal, Role::Normal, AlphaUse::Ignore);
+            record.clearcoat_tex = self.data(scene, uses.clearcoat, RED);
+            record.clearcoat_roughness_tex = self.data(scene, uses.clearcoat_roughness, GREEN);
+            record.clearcoat_normal_tex = self.normal(scene, uses.clearcoat_normal);
         }
         if uses.lobes & gpu::LOBE_SPECULAR != 0 {
             record.specular_factor = lobes.specular;
             record.specular_color = lobes.specular_color.to_array();
             record.dielectric_f0 = dielectric_f0(lobes.ior);
-            record.specular_tex = data(self, uses.specular, AlphaUse::Value);
-            record.specular_color_tex = color(self, uses.specular_color);
+            record.specular_tex = self.data(scene, uses.specular, ALPHA);
+            record.specular_color_tex = self.color(scene, uses.specular_color, AlphaUse::Ignore);
         }
         if uses.lobes & gpu::LOBE_SHEEN != 0 {
             record.sheen_color = lobes.sheen_color.to_array();
             record.sheen_roughness = lobes.sheen_roughness;
-            record.sheen_color_tex = color(self, uses.sheen_color);
-            record.sheen_roughness_tex = data(self, uses.sheen_roughness, AlphaUse::Value);
+            record.sheen_color_tex = self.color(scene, uses.sheen_color, AlphaUse::Ignore);
+            record.sheen_roughness_tex = self.data(scene, uses.sheen_roughness, ALPHA);
         }
         record
     }
@@ -156,6 +202,7 @@ impl Plan {
         scene: &Scene,
         texture: Option<TextureRef>,
         role: Role,
+        channels: u8,
         alpha: AlphaUse,
     ) -> u32 {
         let Some(reference) = texture else {
@@ -168,6 +215,7 @@ impl Plan {
         let image = self.image(ImageUse {
             image: texture.image,
             role,
+            channels,
             alpha,
             sampler,
         });
@@ -185,22 +233,39 @@ impl Plan {
         slot | gpu::TEXTURE_UV1
     }
 
-    /// Uses that differ only in what the mip filter ignores share an image.
+    /// Uses that differ only in what the mip filter ignores share an image, and so do those that read different
+    /// channels of data.
     fn image(&mut self, wanted: ImageUse) -> u32 {
         let same = |have: &ImageUse| {
             have.image == wanted.image
                 && have.role == wanted.role
-                && have.alpha == wanted.alpha
+                && (have.alpha == wanted.alpha || wanted.role == Role::Data)
                 && have.sampler.wrap_u == wanted.sampler.wrap_u
                 && have.sampler.wrap_v == wanted.sampler.wrap_v
         };
         match self.images.iter().position(same) {
-            Some(index) => index as u32,
+            Some(index) => {
+                let have = &mut self.images[index];
+                have.channels |= wanted.channels;
+                if have.role == Role::Data {
+                    have.alpha = data_alpha(have.channels);
+                }
+                index as u32
+            }
             None => {
                 self.images.push(wanted);
                 self.images.len() as u32 - 1
             }
         }
+    }
+}
+
+/// What data has in alpha.
+fn data_alpha(channels: u8) -> AlphaUse {
+    if channels & ALPHA == 0 {
+        AlphaUse::Ignore
+    } else {
+        AlphaUse::Value
     }
 }
 
@@ -279,6 +344,40 @@ mod tests {
             1 | gpu::TEXTURE_UV1
         );
         assert_eq!(plan.features, features::TEXTURES | features::UV1);
+    }
+
+    #[test]
+    fn channels_are_those_that_materials_read() {
+        let mut scene = textured();
+        scene.materials[0].occlusion_texture = Some(TextureRef::new(0, 0));
+        let shared = plan(&scene, &[Some(0)]);
+        assert_eq!(
+            shared.images.len(),
+            2,
+            "occlusion shares the image of the other data"
+        );
+        assert_eq!(shared.images[1].channels, RGB);
+        assert!(shared.companions.is_empty());
+        scene.images.push(Image::default());
+        scene.textures.push(Texture {
+            image: 1,
+            sampler: None,
+        });
+        scene.materials[0].occlusion_texture = Some(TextureRef::new(1, 0));
+        let apart = plan(&scene, &[Some(0)]);
+        let channels: Vec<u8> = apart.images.iter().map(|image| image.channels).collect();
+        assert_eq!(channels, [RGB, GREEN | BLUE, RED]);
+        assert_eq!(apart.companions, [[2, 1]]);
+        // A second companion of the same image leaves no pair.
+        scene.images.push(Image::default());
+        scene.textures.push(Texture {
+            image: 2,
+            sampler: None,
+        });
+        let mut other = scene.materials[0].clone();
+        other.occlusion_texture = Some(TextureRef::new(2, 0));
+        scene.materials.push(other);
+        assert!(plan(&scene, &[Some(0), Some(1)]).companions.is_empty());
     }
 
     #[test]

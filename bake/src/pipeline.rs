@@ -11,7 +11,7 @@ use cairn_format::{SectionKind, Writer, features};
 
 use crate::cache::Session;
 use crate::diagnostic::{BakeError, Diagnostic, Result};
-use crate::encode::{EncodeOptions, SkyFormat};
+use crate::encode::{EncodeOptions, SkyFormat, Target};
 use crate::environment::EnvironmentOptions;
 use crate::import::import;
 use crate::materials::{self, Plan};
@@ -22,13 +22,16 @@ use crate::report::{Row, Stage, Summary};
 use crate::scene::{Origin, Sampler, Scene, Source, Wrap};
 use crate::strict::Strict;
 use crate::textures::{self, Texels};
-use crate::{emitters, rebake, write};
+use crate::{constants, emitters, rebake, write};
 
 /// What to bake, and how.
 #[derive(Clone, Debug)]
 pub struct Options {
+    /// The scene: .gltf or .glb.
     pub input: PathBuf,
+    /// An equirectangular panorama, .hdr or .exr.
     pub environment: Option<PathBuf>,
+    /// The package to write: whole or not at all.
     pub output: PathBuf,
     /// Effort, mip filter and kernels of the texture encoders.
     pub textures: EncodeOptions,
@@ -72,6 +75,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     let start = Instant::now();
     let mut clock = Clock::default();
     refuse_to_overwrite_an_input(options)?;
+    refuse_an_unportable_sky(options)?;
     let session = rebake::session(options);
     if let Some(mut summary) = rebake::unchanged(&session, options) {
         clock.lap("unchanged");
@@ -90,6 +94,9 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         .map(|path| Panorama::open(path, &options.light, options.sky_format, &session))
         .transpose()?;
     clock.lap("import");
+
+    constants::fold(&mut scene, options.limit_pixels)?;
+    clock.lap("constants");
 
     let mut prepared = prepare_cached(&mut scene, &session, &|fraction| {
         progress.update("geometry", fraction)
@@ -226,6 +233,22 @@ fn refuse_to_overwrite_an_input(options: &Options) -> Result<()> {
             ))
         }
         None => Ok(()),
+    }
+}
+
+/// BC6H is what portable packages must not hold.
+fn refuse_an_unportable_sky(options: &Options) -> Result<()> {
+    let portable = options.textures.target == Target::Portable;
+    match &options.environment {
+        Some(path) if portable && options.sky_format == SkyFormat::Bc6h => {
+            let origin = Origin {
+                file: path.display().to_string(),
+                pointer: String::new(),
+            };
+            let message = "not every GPU reads BC6H: with --target portable choose --sky-format rgb9e5 or rgba16f";
+            Err(BakeError::input("sky-format", &origin, message))
+        }
+        _ => Ok(()),
     }
 }
 

@@ -22,36 +22,45 @@ use crate::prepare::{GeometryStats, StepTime};
     Deserialize,
 )]
 pub struct Row {
+    /// `geometry`, `texture` or `environment`.
     pub stage: String,
     /// The object, such as an image's name.
     pub item: String,
     /// Format and preset.
     pub setting: String,
+    /// Wall time of the step; rows of one step state the same.
     pub seconds: f64,
     /// In `throughput_unit`; absent where it has no meaning.
     pub throughput: Option<f64>,
+    /// Such as `Mpix/s`.
     #[serde(deserialize_with = "crate::label::read")]
     #[rkyv(with = Interned)]
     pub throughput_unit: Label,
     /// Name and unit of the error.
     pub metric: String,
+    /// In the unit that `metric` names; 999 dB stands for no error.
     pub error: f64,
+    /// Bytes produced.
     pub bytes: u64,
 }
 
 /// Wall time of a stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stage {
+    /// Such as `textures`.
     #[serde(deserialize_with = "crate::label::read")]
     pub name: Label,
+    /// Seconds.
     pub seconds: f64,
 }
 
 /// Bytes of a section.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Section {
+    /// As [`cairn_format::SectionKind::name`] gives it.
     #[serde(deserialize_with = "crate::label::read")]
     pub name: Label,
+    /// Bytes, without the padding before it.
     pub bytes: u64,
     /// BLAKE3 in hexadecimal.
     pub hash: String,
@@ -60,32 +69,54 @@ pub struct Section {
 /// The result of a bake.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Summary {
+    /// The scene, as the caller named it.
     pub input: String,
+    /// The package, as the caller named it.
     pub output: String,
+    /// Name and version of the tool.
     pub tool: String,
+    /// Triangles of all primitives, each once however many instances it has.
     pub triangles: u64,
+    /// Vertices of all primitives.
     pub vertices: u64,
+    /// Meshes.
     pub meshes: u64,
+    /// Primitives.
     pub primitives: u64,
+    /// Drawn primitives of all nodes.
     pub instances: u64,
+    /// Indexed draws.
     pub draw_groups: u64,
+    /// Materials in use.
     pub materials: u64,
+    /// Images seen through samplers.
     pub textures: u64,
+    /// Stored images, those of the environment included.
     pub images: u64,
+    /// Lights of the scene.
     pub lights: u64,
+    /// Cameras of the scene.
     pub cameras: u64,
+    /// Names of what the scene contains, as [`cairn_format::features::NAMES`] has them.
     #[serde(deserialize_with = "crate::label::read_list")]
     pub features: Vec<Label>,
+    /// Sections, in file order.
     pub sections: Vec<Section>,
+    /// Bytes of the file.
     pub package_bytes: u64,
     /// BLAKE3 of header, section table and root, which holds the hash of every section.
     pub content_hash: String,
+    /// Stages, in order.
     pub stages: Vec<Stage>,
+    /// Counts of the geometry stage.
     pub geometry: GeometryStats,
     /// Times of the steps of the geometry stage, summed over threads.
     pub geometry_steps: Vec<StepTime>,
+    /// The error of every lossy step, beside its time.
     pub report: Vec<Row>,
+    /// Warnings about the input.
     pub diagnostics: Vec<Diagnostic>,
+    /// Seconds in all.
     pub seconds: f64,
     /// Most memory that the process held; known on Linux alone.
     pub peak_memory_bytes: Option<u64>,

@@ -239,11 +239,13 @@ pub struct Texture {
     pub sampler: Option<u32>,
 }
 
-/// An encoded image (PNG or JPEG bytes), decoded only when a material uses it.
+/// An encoded image, decoded only when a material uses it.
 #[derive(Clone, Debug, Default)]
 pub struct Image {
     /// The glTF name, else the file stem of its URI, else `image N`.
     pub name: String,
+    /// The first material that uses it, for messages; empty where it has no name.
+    pub material: String,
     pub bytes: Vec<u8>,
     /// Where it came from, for messages: file, and JSON pointer such as `/images/3`.
     pub origin: Origin,

@@ -4,19 +4,17 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use cairn_format::TextureFormat;
 use cairn_format::header::{ALIGNMENT, align_up};
-use cairn_format::scene::{IDENTITY_SWIZZLE, Image, ImageRole, Level, Swizzle};
+use cairn_format::scene::{Image, ImageRole, Level, Swizzle};
 use rayon::prelude::*;
 
 use crate::cache::{self, Inputs, Kind, Session};
+use crate::content::{self, Stored};
 use crate::diagnostic::{Diagnostic, Result};
-use crate::encode::{
-    AlphaUse, EncodeOptions, EncodedTexture, Kernels, Role, Source, TextureReport, encode,
-    is_opaque,
-};
+use crate::encode::{EncodeOptions, EncodedTexture, Kernels, Role, TextureReport};
 use crate::import::decode_image;
 use crate::materials::{ImageUse, Plan};
 use crate::report::Row;
-use crate::scene::{Image as SourceImage, Scene};
+use crate::scene::Scene;
 
 /// The texel section in the making.
 #[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize, Debug, Default)]
@@ -86,6 +84,15 @@ impl Texels {
     }
 }
 
+/// The plan's images, encoded.
+#[derive(Debug)]
+pub struct Encoded {
+    /// With the plan's image whose name each has.
+    pub textures: Vec<(Stored, u32)>,
+    /// Index into `textures` of each of the plan's images.
+    pub of: Vec<usize>,
+}
+
 /// Encodes the plan's images in order, each on all cores that are free.
 ///
 /// # Errors
@@ -97,104 +104,156 @@ pub fn encode_all(
     limit_pixels: u64,
     session: &Session,
     progress: &(dyn Fn(f32) + Sync),
-) -> Result<Vec<EncodedTexture>> {
+) -> Result<Encoded> {
+    let jobs = jobs(plan);
     let done = AtomicUsize::new(0);
-    let encoded: Vec<Result<EncodedTexture>> = plan
-        .images
+    let results: Vec<Result<Vec<(Stored, u32)>>> = jobs
         .par_iter()
-        .map(|wanted| {
-            let image = &scene.images[wanted.image as usize];
-            let texture = session.fetch(
-                || inputs(image, wanted, options, limit_pixels),
-                || encode_one(image, wanted, options, limit_pixels),
+        .map(|job| {
+            let stored = session.fetch(
+                || inputs(scene, plan, job, options, limit_pixels),
+                || encode_job(scene, plan, job, options, limit_pixels),
             )?;
+            // A job of two gives one texture for both, or one for each.
+            let stored: Vec<(Stored, u32)> = match stored.len() {
+                1 => stored.into_iter().zip(job.last().copied()).collect(),
+                _ => stored.into_iter().zip(job.iter().copied()).collect(),
+            };
             let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
-            progress(finished as f32 / plan.images.len() as f32);
-            Ok(texture)
+            progress(finished as f32 / jobs.len() as f32);
+            Ok(stored)
         })
         .collect();
-    encoded.into_iter().collect()
+    let mut encoded = Encoded {
+        textures: Vec::new(),
+        of: vec![0; plan.images.len()],
+    };
+    for (job, stored) in jobs.iter().zip(results) {
+        let stored = stored?;
+        for (at, &index) in job.iter().enumerate() {
+            encoded.of[index as usize] = encoded.textures.len() + at.min(stored.len() - 1);
+        }
+        encoded.textures.extend(stored);
+    }
+    Ok(encoded)
 }
 
-/// What decides the bytes of a texture.
-fn inputs(image: &SourceImage, wanted: &ImageUse, options: &EncodeOptions, limit: u64) -> Inputs {
-    // Every field by name: a new one does not compile until it is looked at.
-    let ImageUse {
-        image: _,
-        role,
-        alpha,
-        sampler,
-    } = wanted;
-    let name = format!("{} ({role:?})", image.name);
+/// Images that are encoded together, in the order of the first of each.
+fn jobs(plan: &Plan) -> Vec<Vec<u32>> {
+    let pair = |index: u32| plan.companions.iter().find(|pair| pair.contains(&index));
+    let images = 0..plan.images.len() as u32;
+    images
+        .filter_map(|index| match pair(index) {
+            None => Some(vec![index]),
+            Some(pair) if pair.iter().min() == Some(&index) => Some(pair.to_vec()),
+            Some(_) => None,
+        })
+        .collect()
+}
+
+/// What decides the bytes of a job's textures.
+fn inputs(scene: &Scene, plan: &Plan, job: &[u32], options: &EncodeOptions, limit: u64) -> Inputs {
     let machine = (options.kernels == Kernels::Native).then(cache::processor);
-    Inputs::new(Kind::Texture, module_path!(), name)
-        .content("image", &image.bytes)
-        .settings("role", role)
-        .settings("alpha", alpha)
-        .settings("wrap", &[sampler.wrap_u, sampler.wrap_v])
+    let name = |index: &u32| {
+        let wanted = &plan.images[*index as usize];
+        let image = &scene.images[wanted.image as usize];
+        format!("{} ({:?})", image.name, wanted.role)
+    };
+    let names: Vec<String> = job.iter().map(name).collect();
+    let mut inputs = Inputs::new(Kind::Texture, module_path!(), names.join(" and "))
         .settings("settings", options)
         .settings("processor", &machine)
         // A smaller limit must refuse what a larger one let pass.
-        .settings("limit", &limit)
+        .settings("limit", &limit);
+    for (number, &index) in job.iter().enumerate() {
+        // Every field by name: a new one does not compile until it is looked at.
+        let ImageUse {
+            image,
+            role,
+            channels,
+            alpha,
+            sampler,
+        } = &plan.images[index as usize];
+        let label = |what: &str| match number {
+            0 => what.to_owned(),
+            _ => format!("{what} of the second"),
+        };
+        inputs = inputs
+            .content(&label("image"), &scene.images[*image as usize].bytes)
+            .settings(&label("role"), role)
+            .settings(&label("channels"), channels)
+            .settings(&label("alpha"), alpha)
+            .settings(&label("wrap"), &[sampler.wrap_u, sampler.wrap_v]);
+    }
+    inputs
 }
 
-fn encode_one(
-    image: &SourceImage,
-    wanted: &ImageUse,
-    options: &EncodeOptions,
-    limit_pixels: u64,
-) -> Result<EncodedTexture> {
-    let image = decode_image(image, limit_pixels)?;
-    let alpha = if is_opaque(&image.texels) {
-        AlphaUse::Ignore
-    } else {
-        wanted.alpha
-    };
-    let source = Source {
-        width: image.width,
-        height: image.height,
-        texels: &image.texels,
-        wrap_u: wanted.sampler.wrap_u,
-        wrap_v: wanted.sampler.wrap_v,
-        alpha,
-    };
-    Ok(encode(&source, wanted.role, options))
-}
-
-/// Appends the encoded images; equal ones are stored once. Returns the stored index of each.
-pub fn store(
-    texels: &mut Texels,
+/// The textures of a job: one of each image, or one of both.
+fn encode_job(
     scene: &Scene,
     plan: &Plan,
-    encoded: &[EncodedTexture],
-) -> Vec<u32> {
-    let mut stored: Vec<u32> = Vec::with_capacity(encoded.len());
-    for (index, (texture, wanted)) in encoded.iter().zip(&plan.images).enumerate() {
+    job: &[u32],
+    options: &EncodeOptions,
+    limit_pixels: u64,
+) -> Result<Vec<Stored>> {
+    let wanted = |index: u32| &plan.images[index as usize];
+    let decode =
+        |index: u32| decode_image(&scene.images[wanted(index).image as usize], limit_pixels);
+    if let &[occlusion, roughness] = job {
+        let images = [decode(occlusion)?, decode(roughness)?];
+        let both = [&images[0], &images[1]];
+        return Ok(
+            match content::store_companions(both, wanted(roughness), options) {
+                Some(both) => vec![both],
+                None => images
+                    .into_iter()
+                    .zip(job)
+                    .map(|(image, index)| content::store(image, wanted(*index), options))
+                    .collect(),
+            },
+        );
+    }
+    job.iter()
+        .map(|&index| Ok(content::store(decode(index)?, wanted(index), options)))
+        .collect()
+}
+
+/// Appends the encoded images; equal ones are stored once. Returns the stored index of each of the plan's.
+pub fn store(texels: &mut Texels, scene: &Scene, plan: &Plan, encoded: &Encoded) -> Vec<u32> {
+    let mut indices: Vec<u32> = Vec::with_capacity(encoded.textures.len());
+    for (at, (stored, first)) in encoded.textures.iter().enumerate() {
+        let Stored {
+            texture,
+            role,
+            swizzle,
+        } = stored;
         let same = |other: &usize| {
-            let (have, use_) = (&encoded[*other], &plan.images[*other]);
-            use_.role == wanted.role
-                && have.format == texture.format
-                && have.levels == texture.levels
+            let have = &encoded.textures[*other].0;
+            have.role == *role
+                && have.swizzle == *swizzle
+                && have.texture.format == texture.format
+                && have.texture.levels == texture.levels
         };
-        if let Some(twin) = (0..index).find(same) {
-            stored.push(stored[twin]);
+        if let Some(twin) = (0..at).find(same) {
+            indices.push(indices[twin]);
             continue;
         }
-        let name = &scene.images[wanted.image as usize].name;
+        let image = &scene.images[plan.images[*first as usize].image as usize];
+        let name = &image.name;
         let info = ImageInfo {
             name,
-            role: match wanted.role {
+            role: match role {
                 Role::Color => ImageRole::Color,
-                Role::Data => ImageRole::Data,
+                Role::Data | Role::Pair | Role::Single => ImageRole::Data,
                 Role::Normal => ImageRole::Normal,
             },
             format: texture.format,
-            swizzle: IDENTITY_SWIZZLE,
+            swizzle: *swizzle,
             width: texture.width,
             height: texture.height,
             layers: 1,
         };
-        stored.push(texels.push(&info, texture.levels.iter().map(Vec::as_slice)));
+        indices.push(texels.push(&info, texture.levels.iter().map(Vec::as_slice)));
         let bytes = texture.levels.iter().map(|level| level.len() as u64).sum();
         texels.report.extend(rows(name, texture, bytes));
         if let Some(lacks) = texture.report.missed_db {
@@ -203,12 +262,11 @@ pub fn store(
                  the best preset is stored",
                 texture.format, texture.report.psnr_db
             );
-            let origin = &scene.images[wanted.image as usize].origin;
-            let warning = Diagnostic::warning("texture-quality-missed", origin, message);
+            let warning = Diagnostic::warning("texture-quality-missed", &image.origin, message);
             texels.diagnostics.push(warning);
         }
     }
-    stored
+    encoded.of.iter().map(|&texture| indices[texture]).collect()
 }
 
 /// The rows of one image in the speed-against-error report.
@@ -269,6 +327,7 @@ fn rows(name: &str, texture: &EncodedTexture, bytes: u64) -> Vec<Row> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use cairn_format::scene::IDENTITY_SWIZZLE;
 
     #[test]
     fn levels_begin_at_multiples_of_sixteen() {

@@ -381,3 +381,73 @@ fn a_missing_denoiser_is_said_before_anything_is_rendered() {
     assert!(message.contains(remedy), "{message}");
     assert!(!picture.exists());
 }
+
+#[test]
+fn converge_writes_its_curves() {
+    let test = "converge_writes_its_curves";
+    let gpu = cairn_player::gpu::Gpu::new(&cairn_player::gpu::GpuOptions::default());
+    if !has_vulkan(test) || !gpu.is_ok_and(|gpu| gpu.traces_rays()) {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let package = empty_package(folder.path());
+    let out = folder.path().join("converge");
+    let done = player(&[
+        "converge",
+        path(&package),
+        "--size",
+        "8x6",
+        "--spp",
+        "4",
+        "--reference-spp",
+        "8",
+        "-o",
+        path(&out),
+    ]);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let plot = std::fs::read_to_string(out.join("converge.svg")).expect("a plot");
+    assert!(plot.matches("<polyline").count() == 12 && plot.ends_with("</svg>\n"));
+    let json = std::fs::read(out.join("converge.json")).expect("a report");
+    let json: serde_json::Value = serde_json::from_slice(&json).expect("JSON");
+    let curves = json["curves"].as_array().expect("curves");
+    let names: Vec<_> = curves
+        .iter()
+        .map(|curve| curve["sampler"].as_str())
+        .collect();
+    assert_eq!(names, ["independent", "owen", "blue-noise"].map(Some));
+    for curve in curves {
+        let points = curve["points"].as_array().expect("points");
+        let samples: Vec<_> = points
+            .iter()
+            .map(|point| point["samples"].as_u64())
+            .collect();
+        assert_eq!(samples, [1, 2, 4].map(Some));
+        assert!(points.iter().all(|point| point["rmse"] == 0.0));
+        assert!(curve["slope"].is_null(), "nothing falls");
+    }
+
+    let traced = player(&[
+        path(&package),
+        "--headless",
+        "--mode",
+        "path-trace",
+        "--size",
+        "8x6",
+        "--spp",
+        "8",
+        "--count-rays",
+        "--trace-split",
+        "--json",
+    ]);
+    assert!(traced.status.success(), "{}", text(&traced.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&traced.stdout).expect("JSON");
+    let trace = &json["trace"];
+    assert_eq!(trace["samples"], 8);
+    assert_eq!(
+        trace["counters"]["rays"],
+        8 * 8 * 6,
+        "a ray a sample meets nothing"
+    );
+    assert!(trace["split"]["seconds"].as_f64() > Some(0.0));
+    assert!(trace["split"]["twice_seconds"].as_f64() > Some(0.0));
+}

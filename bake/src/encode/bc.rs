@@ -1,5 +1,6 @@
 //! Levels as blocks: gathering, with the edge repeated, and decoding.
 
+use basisu::uastc::unpack;
 use cairn_format::TextureFormat;
 use rayon::prelude::*;
 
@@ -34,10 +35,10 @@ impl Image<'_> {
     }
 }
 
-/// Decodes one block as the GPU would: BC7 to 8-bit values, BC5 and BC4 interpolated in f32.
+/// Decodes one block as the GPU would: BC7 and UASTC to 8-bit values, BC5 and BC4 interpolated in f32.
 ///
 /// # Panics
-/// If `format` is none of BC7, BC5 and BC4.
+/// If `format` is none of BC7, BC5, BC4 and UASTC.
 pub(super) fn decode_block(format: TextureFormat, bytes: &[u8]) -> Block {
     match format {
         TextureFormat::Bc7Unorm | TextureFormat::Bc7Srgb => {
@@ -53,6 +54,9 @@ pub(super) fn decode_block(format: TextureFormat, bytes: &[u8]) -> Block {
             bcdec_rs::bc4_float(bytes, &mut values, 4, false);
             values.map(|value| [value, 0.0, 0.0, 1.0])
         }
+        TextureFormat::UastcUnorm | TextureFormat::UastcSrgb => {
+            decode_uastc(format, bytes).map(|texel| texel.map(|code| f32::from(code) / 255.0))
+        }
         _ => unreachable!("{format:?} is not a format of this stage"),
     }
 }
@@ -64,8 +68,22 @@ pub(super) fn decode_bc7(bytes: &[u8]) -> [[u8; 4]; 16] {
     codes
 }
 
-/// The alpha codes of a BC7 level, row by row.
-pub(super) fn decode_alpha(level: &[u8], width: u32, height: u32) -> Vec<u8> {
+/// Decodes one UASTC block of this encoder to RGBA codes.
+fn decode_uastc(format: TextureFormat, bytes: &[u8]) -> [[u8; 4]; 16] {
+    let block = bytes.first_chunk::<16>();
+    let texels = block.and_then(|block| unpack::unpack_uastc(block, format.is_srgb()));
+    texels
+        .expect("the encoder writes valid blocks")
+        .map(|texel| texel.c)
+}
+
+/// The alpha codes of a BC7 or UASTC level, row by row.
+pub(super) fn decode_alpha(
+    format: TextureFormat,
+    level: &[u8],
+    width: u32,
+    height: u32,
+) -> Vec<u8> {
     let (width, height) = (width as usize, height as usize);
     let mut alpha = vec![0_u8; width * height];
     let blocks_across = width.div_ceil(4);
@@ -74,7 +92,10 @@ pub(super) fn decode_alpha(level: &[u8], width: u32, height: u32) -> Vec<u8> {
         .zip(level.par_chunks(blocks_across * 16))
         .for_each(|(rows, blocks)| {
             for (block_x, block) in blocks.chunks_exact(16).enumerate() {
-                let codes = decode_bc7(block);
+                let codes = match format.is_universal() {
+                    true => decode_uastc(format, block),
+                    false => decode_bc7(block),
+                };
                 for (y, row) in rows.chunks_mut(width).enumerate() {
                     for x in block_x * 4..(block_x * 4 + 4).min(width) {
                         row[x] = codes[y * 4 + x % 4][3];
@@ -126,6 +147,11 @@ mod tests {
         }
         .compress(Role::Color, &image);
         let expected: Vec<u8> = codes.iter().map(|code| code[3]).collect();
-        assert_eq!(decode_alpha(&level, width, height), expected);
+        let decoded = decode_alpha(TextureFormat::Bc7Srgb, &level, width, height);
+        assert_eq!(decoded, expected);
+        let quality = Quality::Default;
+        let level = Codec::Uastc { quality }.compress(Role::Color, &image);
+        let decoded = decode_alpha(TextureFormat::UastcSrgb, &level, width, height);
+        assert_eq!(decoded, expected);
     }
 }

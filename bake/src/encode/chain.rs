@@ -1,6 +1,7 @@
 //! A mip chain in the making: the level reached, and what was stored so far.
 
-use cairn_format::texture::full_mip_count;
+use cairn_format::TextureFormat;
+use cairn_format::texture::{full_mip_count, mip_extent};
 use rayon::prelude::*;
 
 use super::mips::{self, Plane, Weighting};
@@ -34,19 +35,8 @@ impl<'a> Chain<'a> {
             source.texels.len() as u64,
             u64::from(source.width) * u64::from(source.height)
         );
-        let opaque = source.alpha == AlphaUse::Ignore;
-        let mut plane = Plane {
-            width: source.width,
-            height: source.height,
-            texels: source
-                .texels
-                .par_iter()
-                .map(|&texel| {
-                    let [x, y, z, alpha] = role.filterable(texel);
-                    [x, y, z, if opaque { 1.0 } else { alpha }]
-                })
-                .collect(),
-        };
+        let size = [source.width, source.height];
+        let mut plane = plane(source.texels, size, role, source.alpha);
         let opacity = matches!(source.alpha, AlphaUse::Blend | AlphaUse::Mask { .. });
         let altered = opacity && role != Role::Normal && bleed::bleed(&mut plane);
         let levels = full_mip_count(source.width, source.height) as usize;
@@ -69,6 +59,10 @@ impl<'a> Chain<'a> {
             chain.coverage = grid.coverage(&coverage::scaled(&chain.alpha(), 1.0));
         }
         chain
+    }
+
+    fn format(&self) -> TextureFormat {
+        self.role.format(self.options.target)
     }
 
     fn wrap(&self) -> [Wrap; 2] {
@@ -102,6 +96,14 @@ impl<'a> Chain<'a> {
         self.plane = mips::halve(&self.plane, self.options.filter, self.wrap(), weighting);
     }
 
+    /// Goes on to a level that the source has.
+    pub fn take(&mut self, texels: &[[u16; 4]]) {
+        let [width, height] = [self.plane.width, self.plane.height].map(|size| mip_extent(size, 1));
+        assert_eq!(texels.len(), width as usize * height as usize);
+        self.plane = plane(texels, [width, height], self.role, self.source.alpha);
+        self.altered = true;
+    }
+
     /// Compresses and measures the level; the first one decides the encoder.
     pub fn push_level(&mut self) {
         let mut codes: Vec<[u8; 4]> = self
@@ -114,7 +116,14 @@ impl<'a> Chain<'a> {
             Some(grid) if !self.levels.is_empty() => {
                 let coverage = self.coverage;
                 let compress = |codes: &[[u8; 4]]| self.compress(self.codec, codes);
-                let found = masked::keep(&grid, &self.alpha(), coverage, &mut codes, &compress);
+                let found = masked::keep(
+                    self.format(),
+                    &grid,
+                    &self.alpha(),
+                    coverage,
+                    &mut codes,
+                    &compress,
+                );
                 self.coverages.push(found.coverage);
                 self.errors
                     .push(self.measure(&found.blocks, Some(&found.alpha)));
@@ -123,7 +132,7 @@ impl<'a> Chain<'a> {
             mask => {
                 let (blocks, error) = self.choose(&codes);
                 if let Some(grid) = mask {
-                    let alpha = bc::decode_alpha(&blocks, grid.width, grid.height);
+                    let alpha = bc::decode_alpha(self.format(), &blocks, grid.width, grid.height);
                     self.coverages.push(grid.coverage(&alpha));
                 }
                 self.errors.push(error);
@@ -181,15 +190,11 @@ impl<'a> Chain<'a> {
     /// The error of a level's blocks; `alpha` stands for the filtered alpha where it was changed.
     fn measure(&self, blocks: &[u8], alpha: Option<&[f32]>) -> error::LevelError {
         let role = self.role;
-        let channels = match (role, self.source.alpha) {
-            (Role::Normal, _) => 2,
-            (_, AlphaUse::Ignore) => 3,
-            _ => 4,
-        };
+        let channels = role.channels(self.source.alpha != AlphaUse::Ignore);
         let own = self.levels.is_empty() && !self.altered;
         let stored = |index: usize| match role {
             // The source itself, which spares the transfer function there and back.
-            Role::Color | Role::Data if own => {
+            _ if own && role != Role::Normal => {
                 self.source.texels[index].map(|code| f32::from(code) / 65535.0)
             }
             _ => {
@@ -202,6 +207,7 @@ impl<'a> Chain<'a> {
         };
         error::Level {
             role,
+            target: self.options.target,
             width: self.plane.width,
             height: self.plane.height,
             blocks,
@@ -217,7 +223,7 @@ impl<'a> Chain<'a> {
         let top = self.errors[0];
         let masked = self.mask().is_some();
         EncodedTexture {
-            format: self.role.format(),
+            format: self.format(),
             width: self.source.width,
             height: self.source.height,
             levels: self.levels,
@@ -240,6 +246,20 @@ impl<'a> Chain<'a> {
                 megapixels_per_second: self.texels as f64 / 1e6 / seconds.max(1e-9),
             },
         }
+    }
+}
+
+/// Texels in the space they are filtered in; where nothing reads alpha, it is one.
+fn plane(texels: &[[u16; 4]], [width, height]: [u32; 2], role: Role, alpha: AlphaUse) -> Plane {
+    let opaque = alpha == AlphaUse::Ignore;
+    let texels = texels.par_iter().map(|&texel| {
+        let [x, y, z, alpha] = role.filterable(texel);
+        [x, y, z, if opaque { 1.0 } else { alpha }]
+    });
+    Plane {
+        width,
+        height,
+        texels: texels.collect(),
     }
 }
 

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::bc::Image;
 use super::ispc::{self, BLOCKS_PER_CALL};
-use super::{EncodeOptions, Kernels, Quality, Role, bc5, bc7};
+use super::{EncodeOptions, Kernels, Quality, Role, Target, bc5, bc7, uastc};
 
 /// A block encoder at one setting.
 #[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize, Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,12 +16,17 @@ pub enum Codec {
     Bc5,
     /// The first stored channel, from f32.
     Bc4,
+    /// Universal blocks: four channels, or luminance and alpha of what has one or two, from f32.
+    Uastc { quality: Quality },
 }
 
 impl Codec {
     /// The encoders of a role, from the cheapest up.
-    pub fn ladder(role: Role, kernels: Kernels) -> Vec<Self> {
-        match role.format() {
+    pub fn ladder(role: Role, kernels: Kernels, target: Target) -> Vec<Self> {
+        match role.format(target) {
+            TextureFormat::UastcUnorm | TextureFormat::UastcSrgb => {
+                Quality::ALL.map(|quality| Self::Uastc { quality }).to_vec()
+            }
             TextureFormat::Bc5Unorm => vec![Self::Bc5],
             TextureFormat::Bc4Unorm => vec![Self::Bc4],
             _ => Quality::ALL
@@ -32,7 +37,7 @@ impl Codec {
 
     /// The encoders that `options` allow for a role, from the cheapest up: one, or all where a PSNR is the target.
     pub fn allowed(role: Role, options: &EncodeOptions) -> Vec<Self> {
-        let ladder = Self::ladder(role, options.kernels);
+        let ladder = Self::ladder(role, options.kernels, options.target);
         match options.effort {
             super::Effort::AtLeast { .. } => ladder,
             super::Effort::Preset(quality) => {
@@ -51,13 +56,14 @@ impl Codec {
                 kernels: Kernels::Reproducible,
             } => quality.name().into(),
             Self::Bc7 { quality, .. } => format!("{} native", quality.name()),
+            Self::Uastc { quality } => quality.name().into(),
             Self::Bc5 | Self::Bc4 => String::new(),
         }
     }
 
     const fn block_bytes(self) -> usize {
         match self {
-            Self::Bc7 { .. } | Self::Bc5 => 16,
+            Self::Bc7 { .. } | Self::Bc5 | Self::Uastc { .. } => 16,
             Self::Bc4 => 8,
         }
     }
@@ -102,8 +108,31 @@ impl Codec {
                     *out = bc5::compress_channel(&texels.map(|texel| role.stored(texel)[0]));
                 }
             }
+            Self::Uastc { quality } => {
+                let search = uastc::Search::of(quality);
+                for (at, out) in out.as_chunks_mut::<16>().0.iter_mut().enumerate() {
+                    let texels = universal(role, image, first + at);
+                    *out = uastc::compress_block(&texels, true, search);
+                }
+            }
         }
     }
+}
+
+/// A block in the channels that universal blocks store, 0 to 255. Colour and data keep the codes, whose alpha may
+/// have been changed.
+fn universal(role: Role, image: &Image, block: usize) -> uastc::Texels {
+    if matches!(role, Role::Color | Role::Data) {
+        let codes = image.gather(image.codes, block);
+        return codes.map(|code| code.map(f32::from));
+    }
+    image.gather(image.exact, block).map(|texel| {
+        let [x, y, ..] = role
+            .stored(texel)
+            .map(|value| (value * 255.0).clamp(0.0, 255.0));
+        let second = if role == Role::Single { 255.0 } else { y };
+        [x, x, x, second]
+    })
 }
 
 #[cfg(test)]
@@ -122,6 +151,16 @@ mod tests {
             let bc7 = Codec::Bc7 { quality, kernels };
             assert_eq!(Codec::allowed(Role::Color, &options), [bc7]);
             assert_eq!(Codec::allowed(Role::Normal, &options), [Codec::Bc5]);
+            assert_eq!(Codec::allowed(Role::Pair, &options), [Codec::Bc5]);
+            assert_eq!(Codec::allowed(Role::Single, &options), [Codec::Bc4]);
+            let portable = EncodeOptions {
+                target: Target::Portable,
+                ..options
+            };
+            for role in [Role::Color, Role::Single, Role::Normal] {
+                let uastc = Codec::Uastc { quality };
+                assert_eq!(Codec::allowed(role, &portable), [uastc]);
+            }
         }
         let options = EncodeOptions {
             effort: Effort::AtLeast { centibel: 4200 },

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::role::{Role, unit_normal};
-use super::{bc, srgb};
+use super::{Target, bc, srgb};
 
 /// Angles between stored and exact normals, degrees.
 #[derive(
@@ -31,6 +31,7 @@ pub(super) struct LevelError {
 /// One level and its exact values.
 pub(super) struct Level<'a, F> {
     pub role: Role,
+    pub target: Target,
     pub width: u32,
     pub height: u32,
     pub blocks: &'a [u8],
@@ -38,7 +39,7 @@ pub(super) struct Level<'a, F> {
     pub exact: &'a [[f32; 4]],
     /// The exact stored value of the texel at an index: `role.stored(exact[index])`, or a cheaper source of it.
     pub stored: F,
-    /// Leading channels that carry data: 2, 3 or 4.
+    /// Leading channels that carry data.
     pub channels: usize,
 }
 
@@ -56,7 +57,7 @@ impl<F: Fn(usize) -> [f32; 4] + Sync> Level<'_, F> {
         let across = self.width.div_ceil(4) as usize;
         let blocks: Vec<BlockError> = self
             .blocks
-            .par_chunks_exact(16)
+            .par_chunks_exact(self.role.format(self.target).block_bytes() as usize)
             .enumerate()
             .map(|(index, bytes)| self.measure_block([index % across, index / across], bytes))
             .collect();
@@ -80,14 +81,16 @@ impl<F: Fn(usize) -> [f32; 4] + Sync> Level<'_, F> {
     }
 
     fn measure_block(&self, block: [usize; 2], bytes: &[u8]) -> BlockError {
-        let decoded = bc::decode_block(self.role.format(), bytes);
+        let decoded = bc::decode_block(self.role.format(self.target), bytes);
+        let [first, second] = self.role.pair_channels(self.target);
         let mut error = BlockError {
             texels: 0,
             stored: 0.0,
             linear: 0.0,
             chords: [0.0; 16],
         };
-        for (texel, &value) in decoded.iter().enumerate() {
+        for (texel, &[r, g, b, a]) in decoded.iter().enumerate() {
+            let value = [[r, g, b, a][first], [r, g, b, a][second], b, a];
             let x = block[0] * 4 + texel % 4;
             let y = block[1] * 4 + texel / 4;
             if x >= self.width as usize || y >= self.height as usize {
@@ -101,7 +104,7 @@ impl<F: Fn(usize) -> [f32; 4] + Sync> Level<'_, F> {
                     let light = value.map(|v| srgb::decode_u8((v * 255.0).round() as u8));
                     error.linear += squared_distance(&light[..3], &self.exact[index][..3]);
                 }
-                Role::Data => {}
+                Role::Data | Role::Pair | Role::Single => {}
                 Role::Normal => {
                     let exact = unit_normal(self.exact[index]);
                     error.chords[error.texels] =
@@ -190,6 +193,7 @@ mod tests {
         let exact = [[tilt.sin() as f32, 0.0, tilt.cos() as f32, 1.0]; 6];
         let error = Level {
             role: Role::Normal,
+            target: Target::Desktop,
             width: 3,
             height: 2,
             blocks: &blocks,

@@ -6,6 +6,8 @@
 //! (compare Yuksel, "Alpha Distribution for Alpha Testing", 2018). A level of one texel covers all or nothing; it is
 //! put at the cutoff itself, so that trilinear reads between it and the level above still cut where that one does.
 
+use cairn_format::TextureFormat;
+
 use super::bc;
 use super::coverage::{Grid, scaled};
 
@@ -33,6 +35,7 @@ pub(super) struct Kept {
 /// Encodes a level below the first, its alpha changed until the decoded blocks cover `target`. `codes` get the
 /// alpha of the last attempt.
 pub(super) fn keep(
+    format: TextureFormat,
     grid: &Grid,
     alpha: &[f32],
     target: f64,
@@ -40,6 +43,7 @@ pub(super) fn keep(
     compress: &dyn Fn(&[[u8; 4]]) -> Vec<u8>,
 ) -> Kept {
     let mut search = Search {
+        format,
         grid,
         target,
         codes,
@@ -67,6 +71,7 @@ fn at_cutoff(cutoff: f32, target: f64) -> f32 {
 }
 
 struct Search<'a> {
+    format: TextureFormat,
     grid: &'a Grid,
     target: f64,
     codes: &'a mut [[u8; 4]],
@@ -92,7 +97,7 @@ impl Search<'_> {
             code[3] = alpha;
         }
         let blocks = (self.compress)(self.codes);
-        let decoded = bc::decode_alpha(&blocks, self.grid.width, self.grid.height);
+        let decoded = bc::decode_alpha(self.format, &blocks, self.grid.width, self.grid.height);
         let coverage = self.grid.coverage(&decoded);
         let better = self
             .best
@@ -207,7 +212,14 @@ mod tests {
             }
             .compress(Role::Color, &image)
         };
-        keep(&grid, alpha, target, &mut codes, &compress)
+        keep(
+            TextureFormat::Bc7Srgb,
+            &grid,
+            alpha,
+            target,
+            &mut codes,
+            &compress,
+        )
     }
 
     /// BC7 holds eight values of alpha a block, which is why a whole block of equal texels may be 2 % off.

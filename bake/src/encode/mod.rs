@@ -16,6 +16,7 @@ mod mips;
 mod role;
 mod settings;
 pub(crate) mod srgb;
+mod uastc;
 
 use std::time::Instant;
 
@@ -29,7 +30,7 @@ pub use hdr::SkyFormat;
 pub(crate) use hdr::unpack_rgb9e5;
 pub use mips::MipFilter;
 pub use role::Role;
-pub use settings::{Effort, EncodeOptions, Kernels, Quality, native_isa};
+pub use settings::{Effort, EncodeOptions, Kernels, Quality, Target, native_isa};
 
 use crate::scene::Wrap;
 use chain::Chain;
@@ -114,11 +115,29 @@ pub struct TextureReport {
 /// # Panics
 /// If the image is empty or `texels` is not `width * height` long.
 pub fn encode(source: &Source, role: Role, options: &EncodeOptions) -> EncodedTexture {
+    encode_levels(source, &[], role, options)
+}
+
+/// As [`encode`], with levels 1, 2, ... of `smaller` instead of filtered ones, as far as there are any.
+///
+/// # Panics
+/// Those of [`encode`], and if a smaller level is not of its size.
+pub fn encode_levels(
+    source: &Source,
+    smaller: &[Vec<[u16; 4]>],
+    role: Role,
+    options: &EncodeOptions,
+) -> EncodedTexture {
     let start = Instant::now();
     let mut chain = Chain::new(source, role, options);
     for level in 0..full_mip_count(source.width, source.height) {
-        if level > 0 {
-            chain.descend();
+        match (level as usize)
+            .checked_sub(1)
+            .map(|level| smaller.get(level))
+        {
+            None => {}
+            Some(Some(texels)) => chain.take(texels),
+            Some(None) => chain.descend(),
         }
         chain.push_level();
     }

@@ -3,19 +3,35 @@
 use cairn_format::TextureFormat;
 use glam::Vec3;
 
-use super::srgb;
+use super::{Target, srgb};
 
 /// Vectors shorter than this carry no direction: an 8-bit normal map cannot store zero exactly, and writes
 /// it as 127 or 128 in each channel, a vector of length up to 0.007.
 const SHORTEST_NORMAL: f32 = 0.02;
 
 /// The use of a texture by the materials that read it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(
+    rkyv::Archive,
+    rkyv::Serialize,
+    rkyv::Deserialize,
+    Clone,
+    Copy,
+    Debug,
+    PartialEq,
+    Eq,
+    Hash,
+    PartialOrd,
+    Ord,
+)]
 pub enum Role {
     /// Base colour or emissive: sRGB colour, linear alpha; BC7.
     Color,
-    /// Metallic-roughness or occlusion: linear values; BC7.
+    /// Linear values in three or four channels; BC7.
     Data,
+    /// Two linear values, in red and green; BC5.
+    Pair,
+    /// One linear value, in red; BC4.
+    Single,
     /// Tangent-space normals: x and y of the unit vector as `0.5 v + 0.5`; BC5. The shader computes
     /// `v = 2 t - 1`, then `z = sqrt(max(0, 1 - x^2 - y^2))`.
     Normal,
@@ -23,11 +39,33 @@ pub enum Role {
 
 impl Role {
     /// The format its blocks are stored in.
-    pub const fn format(self) -> TextureFormat {
-        match self {
-            Self::Color => TextureFormat::Bc7Srgb,
-            Self::Data => TextureFormat::Bc7Unorm,
-            Self::Normal => TextureFormat::Bc5Unorm,
+    pub const fn format(self, target: Target) -> TextureFormat {
+        match (target, self) {
+            (Target::Desktop, Self::Color) => TextureFormat::Bc7Srgb,
+            (Target::Desktop, Self::Data) => TextureFormat::Bc7Unorm,
+            (Target::Desktop, Self::Pair | Self::Normal) => TextureFormat::Bc5Unorm,
+            (Target::Desktop, Self::Single) => TextureFormat::Bc4Unorm,
+            (Target::Portable, Self::Color) => TextureFormat::UastcSrgb,
+            (Target::Portable, _) => TextureFormat::UastcUnorm,
+        }
+    }
+
+    /// Stored channels that are red and green of pairs and normals: universal blocks store the second as alpha,
+    /// which modes of luminance and alpha keep apart.
+    pub const fn pair_channels(self, target: Target) -> [usize; 2] {
+        match (target, self) {
+            (Target::Portable, Self::Pair | Self::Normal) => [0, 3],
+            _ => [0, 1],
+        }
+    }
+
+    /// Leading channels that carry data, where the alpha of colours does so or not.
+    pub(super) const fn channels(self, alpha: bool) -> usize {
+        match (self, alpha) {
+            (Self::Single, _) => 1,
+            (Self::Pair | Self::Normal, _) => 2,
+            (Self::Color | Self::Data, false) => 3,
+            (Self::Color | Self::Data, true) => 4,
         }
     }
 
@@ -42,7 +80,7 @@ impl Role {
                 srgb::decode_u16(texel[2]),
                 unorm[3],
             ],
-            Self::Data => unorm,
+            Self::Data | Self::Pair | Self::Single => unorm,
             Self::Normal => {
                 let [x, y, z, _] = unorm.map(|value| 2.0 * value - 1.0);
                 unit_normal([x, y, z.max(0.0), 1.0])
@@ -59,7 +97,7 @@ impl Role {
                 srgb::encode(texel[2]),
                 texel[3],
             ],
-            Self::Data => texel,
+            Self::Data | Self::Pair | Self::Single => texel,
             Self::Normal => {
                 let [x, y, ..] = unit_normal(texel);
                 [0.5 * x + 0.5, 0.5 * y + 0.5, 0.0, 1.0]
@@ -76,7 +114,7 @@ impl Role {
                 srgb::encode_u8(texel[2]),
                 unorm8(texel[3]),
             ],
-            Self::Data | Self::Normal => self.stored(texel).map(unorm8),
+            _ => self.stored(texel).map(unorm8),
         }
     }
 }

@@ -138,12 +138,24 @@ pub enum Kernels {
     Native,
 }
 
+/// What the texels are stored for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Target {
+    /// GPUs that read BC formats, which every desktop GPU does.
+    #[default]
+    Desktop,
+    /// Any GPU: UASTC, which the player transcodes while it loads.
+    Portable,
+}
+
 /// Settings of `encode`; all of them, the role and the source decide the bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, Serialize)]
 pub struct EncodeOptions {
     pub effort: Effort,
     pub filter: MipFilter,
     pub kernels: Kernels,
+    pub target: Target,
 }
 
 impl EncodeOptions {
@@ -153,6 +165,9 @@ impl EncodeOptions {
             ("texture-quality", self.effort.to_string()),
             ("mip-filter", self.filter.name().into()),
         ];
+        if self.target == Target::Portable {
+            settings.push(("target", "portable".into()));
+        }
         if self.kernels == Kernels::Native {
             settings.push(("native-isa", native_isa().into()));
         }

@@ -60,9 +60,10 @@ pub(super) struct Refusal {
 }
 
 /// Extensions that import honours.
-const SUPPORTED: [&str; 13] = [
+const SUPPORTED: [&str; 16] = [
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
+    "EXT_texture_webp",
     "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_clearcoat",
@@ -73,7 +74,9 @@ const SUPPORTED: [&str; 13] = [
     "KHR_materials_unlit",
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
+    "KHR_texture_basisu",
     "KHR_texture_transform",
+    "MSFT_texture_dds",
 ];
 
 impl Document {

@@ -1,6 +1,6 @@
 //! Reads the textures, samplers and images that materials use.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use gltf::json;
 use gltf::json::texture::{MagFilter, MinFilter, WrappingMode};
@@ -10,67 +10,116 @@ use crate::diagnostic::Result;
 use crate::scene::{Sampler, Scene, Texture, Wrap};
 
 use super::context::Context;
-use super::{Renumber, image, slots};
+use super::{Renumber, extension, image, slots};
 
-/// Reads what the materials of `scene` refer to, in glTF order, and renumbers the references.
-/// References to textures without a PNG or JPEG image are removed with a warning.
+/// Extensions by which a texture names an image of another format, in the order in which they are followed. A
+/// core image beside them is the fallback of readers that do not know them.
+const SOURCES: [&str; 3] = ["KHR_texture_basisu", "EXT_texture_webp", "MSFT_texture_dds"];
+
+/// Reads what the materials of `scene` refer to, in glTF order, and renumbers the references; images of equal bytes
+/// become one. References to textures without an image are removed with a warning.
 ///
 /// # Errors
 /// A missing index, an unknown sampler enumerator, or an unreadable image.
 pub(super) fn read_used(context: &Context, scene: &mut Scene) -> Result<()> {
-    let mut used = BTreeSet::new();
+    let mut sources = BTreeMap::new();
     for slot in scene.materials.iter_mut().flat_map(slots) {
-        if let Some(reference) = slot {
-            if has_source(context, reference.texture)? {
-                used.insert(reference.texture);
-            } else {
-                *slot = None;
+        let Some(reference) = slot else { continue };
+        match source(context, reference.texture)? {
+            Some(image) => {
+                sources.insert(reference.texture, image);
             }
+            None => *slot = None,
         }
     }
-    let renumber = Renumber::new(&used);
+    let renumber = Renumber::new(&sources.keys().copied().collect());
     for reference in scene.materials.iter_mut().flat_map(slots).flatten() {
         reference.texture = renumber.get(reference.texture);
     }
-    for &index in &used {
+    let images = read_images(context, scene, &sources)?;
+    for (&index, image) in &sources {
         let texture = &context.document.textures[index as usize];
         scene.textures.push(Texture {
-            image: texture.source.value() as u32,
+            image: images[image],
             sampler: sampler_index(context, index, texture)?,
         });
-    }
-    let images: BTreeSet<u32> = scene.textures.iter().map(|t| t.image).collect();
-    for &index in &images {
-        scene.images.push(image::read(context, index)?);
     }
     let samplers: BTreeSet<u32> = scene.textures.iter().filter_map(|t| t.sampler).collect();
     for &index in &samplers {
         scene.samplers.push(sampler(context, index)?);
     }
-    let (images, samplers) = (Renumber::new(&images), Renumber::new(&samplers));
+    let samplers = Renumber::new(&samplers);
     for texture in &mut scene.textures {
-        texture.image = images.get(texture.image);
         texture.sampler = texture.sampler.map(|index| samplers.get(index));
     }
+    name_users(scene);
     Ok(())
 }
 
-/// Whether a texture names an image in core glTF.
-fn has_source(context: &Context, index: u32) -> Result<bool> {
+/// Reads the images of the textures, each content once; the scene's index of each glTF index.
+fn read_images(
+    context: &Context,
+    scene: &mut Scene,
+    sources: &BTreeMap<u32, u32>,
+) -> Result<BTreeMap<u32, u32>> {
+    let mut contents = BTreeMap::new();
+    let mut ranks = BTreeMap::new();
+    for &index in sources.values().collect::<BTreeSet<_>>() {
+        let image = image::read(context, index)?;
+        let hash = *blake3::hash(&image.bytes).as_bytes();
+        let rank = *contents.entry(hash).or_insert_with(|| {
+            scene.images.push(image);
+            scene.images.len() as u32 - 1
+        });
+        ranks.insert(index, rank);
+    }
+    Ok(ranks)
+}
+
+/// Names the first material that uses each image.
+fn name_users(scene: &mut Scene) {
+    for material in &mut scene.materials {
+        let name = material.name.clone();
+        for reference in slots(material).into_iter().flatten() {
+            let texture = scene.textures[reference.texture as usize];
+            let image = &mut scene.images[texture.image as usize];
+            if image.material.is_empty() {
+                image.material.clone_from(&name);
+            }
+        }
+    }
+}
+
+/// The glTF index of a texture's image.
+fn source(context: &Context, index: u32) -> Result<Option<u32>> {
     let texture = &context.document.textures[index as usize];
     let images = context.document.images.len();
-    let source = texture.source.value();
-    if source < images {
-        return Ok(true);
+    let in_range = |source: usize, pointer: String| {
+        if source < images {
+            Ok(Some(source as u32))
+        } else {
+            Err(context.absent(pointer, "image", source, images))
+        }
+    };
+    let others = texture
+        .extensions
+        .as_ref()
+        .map(|extensions| &extensions.others);
+    for name in SOURCES {
+        if let Some(value) = others.and_then(|others| others.get(name)) {
+            let pointer = format!("/textures/{index}/extensions/{name}");
+            let found: ExtensionSource = extension::parse(context, value, &pointer)?;
+            if let Some(source) = found.source {
+                return in_range(source, format!("{pointer}/source"));
+            }
+        }
     }
     // The typed JSON stands u32::MAX for an absent source.
-    if source != u32::MAX as usize {
-        let pointer = format!("/textures/{index}/source");
-        return Err(context.absent(pointer, "image", source, images));
+    if texture.source.value() != u32::MAX as usize {
+        return in_range(texture.source.value(), format!("/textures/{index}/source"));
     }
-    let extensions = texture.extensions.as_ref();
-    let names: Vec<&str> = extensions
-        .map(|extensions| extensions.others.keys().map(String::as_str).collect())
+    let names: Vec<&str> = others
+        .map(|others| others.keys().map(String::as_str).collect())
         .unwrap_or_default();
     let message = if names.is_empty() {
         "the texture names no image and is left out".into()
@@ -85,7 +134,13 @@ fn has_source(context: &Context, index: u32) -> Result<bool> {
         format!("/textures/{index}"),
         message,
     );
-    Ok(false)
+    Ok(None)
+}
+
+/// The object of all extensions of [`SOURCES`].
+#[derive(serde::Deserialize)]
+struct ExtensionSource {
+    source: Option<usize>,
 }
 
 fn sampler_index(context: &Context, index: u32, texture: &json::Texture) -> Result<Option<u32>> {
@@ -190,18 +245,53 @@ mod tests {
     }
 
     #[test]
-    fn textures_without_a_core_image_are_dropped() {
+    fn textures_without_a_known_image_are_dropped() {
         let context = context(
-            r#""images":[{"uri":"a.webp"}],
-            "textures":[{"extensions":{"EXT_texture_webp":{"source":0}}},{}]"#,
+            r#""images":[{"uri":"a.avif"}],
+            "textures":[{"extensions":{"EXT_texture_avif":{"source":0}}},{}]"#,
         );
         let mut scene = using([0, 1]);
         read_used(&context, &mut scene).unwrap();
         assert!(scene.textures.is_empty() && scene.images.is_empty());
         assert_eq!(scene.materials[0].base_color_texture, None);
         let (_, diagnostics) = context.finish();
-        assert!(diagnostics[0].message.contains("EXT_texture_webp"));
+        assert!(diagnostics[0].message.contains("EXT_texture_avif"));
         assert_eq!(diagnostics.len(), 2);
+    }
+
+    #[test]
+    fn extensions_name_the_image_before_the_core() {
+        let images: Vec<String> = (b'a'..=b'd')
+            .map(|name| format!(r#"{{"uri":"{}"}}"#, data_uri(&[name])))
+            .collect();
+        let context = context(&format!(
+            r#""images":[{}],"textures":[
+            {{"source":0,"extensions":{{"EXT_texture_webp":{{"source":1}}}}}},
+            {{"source":0,"extensions":{{"EXT_texture_webp":{{"source":1}},"KHR_texture_basisu":{{"source":2}}}}}},
+            {{"extensions":{{"MSFT_texture_dds":{{"source":3.0}}}}}}, {{"source":0}}]"#,
+            images.join(",")
+        ));
+        let mut scene = using([0, 1, 2, 3]);
+        scene.materials[0].name = "wood".into();
+        read_used(&context, &mut scene).unwrap();
+        let bytes = |texture: usize| &scene.images[scene.textures[texture].image as usize].bytes;
+        let read: Vec<&[u8]> = (0..4).map(|texture| bytes(texture).as_slice()).collect();
+        assert_eq!(read, [b"b", b"c", b"d", b"a"]);
+        assert_eq!(scene.images[0].material, "wood");
+    }
+
+    #[test]
+    fn equal_content_is_one_image() {
+        let same = data_uri(b"x");
+        let context = context(&format!(
+            r#""images":[{{"uri":"{same}"}},{{"uri":"{}"}},{{"uri":"{same}","name":"copy"}}],
+            "textures":[{{"source":0}},{{"source":1}},{{"source":2}}]"#,
+            data_uri(b"y")
+        ));
+        let mut scene = using([0, 1, 2]);
+        read_used(&context, &mut scene).unwrap();
+        let images: Vec<u32> = scene.textures.iter().map(|texture| texture.image).collect();
+        assert_eq!((images.as_slice(), scene.images.len()), (&[0, 1, 0][..], 2));
     }
 
     #[test]
@@ -224,6 +314,14 @@ mod tests {
             out("/textures/0/sampler")
         );
         assert_eq!(code(r#""textures":[{"source":1}]"#).0, "image-source");
+        let basisu = |source: &str| {
+            code(&format!(
+                r#""textures":[{{"extensions":{{"KHR_texture_basisu":{{"source":{source}}}}}}}]"#
+            ))
+        };
+        let place = "/textures/0/extensions/KHR_texture_basisu";
+        assert_eq!(basisu("2"), out(&format!("{place}/source")));
+        assert_eq!(basisu("-1"), ("extension-schema", place.into()));
         for property in ["magFilter", "minFilter", "wrapS", "wrapT"] {
             let body = format!(
                 r#""textures":[{{"source":0,"sampler":0}}],"samplers":[{{"{property}":1}}]"#

@@ -24,7 +24,9 @@ pub struct ImageDifference {
 /// Difference of two meshes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MeshDifference {
+    /// Before and after.
     pub vertices: [u64; 2],
+    /// Before and after.
     pub triangles: [u64; 2],
     /// Whether both have the same triangles of the same vertices, so that vertices are compared by their number.
     pub same_order: bool,

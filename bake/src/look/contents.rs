@@ -12,27 +12,45 @@ use crate::pipeline::hex;
 /// Everything but bulk data.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Contents {
+    /// File stem of the scene.
     pub name: String,
+    /// [`cairn_format::header::FORMAT_VERSION`] of the file.
     pub format_version: u32,
+    /// Name and version of the tool that wrote it.
     pub tool: String,
+    /// Bytes of the file.
     pub bytes: u64,
     /// BLAKE3 of header, section table and root, which holds the hash of every section.
     pub content_hash: String,
+    /// Names of what the scene contains.
     pub features: Vec<&'static str>,
     /// Least and greatest corner, metres.
     pub bounds: [[f32; 3]; 2],
+    /// Triangles of all primitives, each once.
     pub triangles: u64,
+    /// Vertices of all primitives.
     pub vertices: u64,
+    /// Drawn primitives of all nodes.
     pub instances: u64,
+    /// Indexed draws.
     pub draw_groups: u64,
+    /// Sections, in file order.
     pub sections: Vec<SectionRow>,
+    /// Meshes, in order.
     pub meshes: Vec<MeshRow>,
+    /// Materials, in order.
     pub materials: Vec<MaterialRow>,
+    /// Images, in order, those of the environment included.
     pub images: Vec<ImageRow>,
+    /// Lights, in order.
     pub lights: Vec<Item>,
+    /// Cameras, in order.
     pub cameras: Vec<Item>,
+    /// Fields of the environment, where there is one.
     pub environment: Option<Map<String, Value>>,
+    /// Names and values of the settings that shaped the bytes.
     pub settings: Vec<[String; 2]>,
+    /// Every file that was read.
     pub sources: Vec<SourceRow>,
     /// The error of every lossy step.
     pub report: Vec<ErrorRow>,
@@ -41,35 +59,49 @@ pub struct Contents {
 /// A section of the file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct SectionRow {
+    /// Name of its kind.
     pub name: &'static str,
+    /// Records.
     pub records: u64,
+    /// Bytes of a record.
     pub stride: u32,
+    /// Byte offset in the file.
     pub offset: u64,
+    /// Bytes.
     pub bytes: u64,
+    /// BLAKE3 in hexadecimal.
     pub hash: String,
 }
 
 /// A mesh and its primitives.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MeshRow {
+    /// glTF name.
     pub name: String,
     /// Nodes that carry it.
     pub instances: u64,
+    /// Triangles of its primitives.
     pub triangles: u64,
+    /// Vertices of its primitives.
     pub vertices: u64,
+    /// Its primitives, in order.
     pub primitives: Vec<PrimitiveRow>,
 }
 
 /// A primitive of a mesh.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PrimitiveRow {
+    /// Triangles.
     pub triangles: u32,
     /// Triangles that have an area.
     pub traced_triangles: u32,
+    /// Vertices.
     pub vertices: u32,
     /// Name of its material.
     pub material: String,
+    /// Place of its material.
     pub material_index: u32,
+    /// Whether every ray that hits it stops.
     pub opaque: bool,
     /// Object space, metres.
     pub bounds: [[f32; 3]; 2],
@@ -78,8 +110,11 @@ pub struct PrimitiveRow {
 /// A material: its record's fields by name, without the references to textures.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MaterialRow {
+    /// glTF name.
     pub name: String,
+    /// Fields of its record, and of its further lobes.
     pub values: Map<String, Value>,
+    /// Its textures, in the order of the record.
     pub textures: Vec<TextureUse>,
 }
 
@@ -90,9 +125,11 @@ pub struct TextureUse {
     pub slot: &'static str,
     /// Name of the image.
     pub image: String,
+    /// Place of the image.
     pub image_index: u32,
     /// Set of texture coordinates.
     pub uv: u32,
+    /// Filters and wrapping.
     pub sampler: Map<String, Value>,
     /// Columns of the matrix and the offset, where the coordinates are transformed.
     pub transform: Option<Map<String, Value>>,
@@ -101,13 +138,21 @@ pub struct TextureUse {
 /// An image with its mip chain.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ImageRow {
+    /// glTF name, or name of the product.
     pub name: String,
+    /// `color`, `data`, `normal` or `environment`.
     pub role: String,
+    /// Name of the [`cairn_format::TextureFormat`].
     pub format: String,
+    /// Texels of level 0.
     pub width: u32,
+    /// Texels of level 0.
     pub height: u32,
+    /// 6 of a cube, else 1.
     pub layers: u32,
+    /// Levels.
     pub levels: u32,
+    /// Bytes of all levels.
     pub bytes: u64,
     /// Rows of the report that are about it.
     pub errors: Vec<ErrorRow>,
@@ -116,14 +161,18 @@ pub struct ImageRow {
 /// A light or a camera: its fields by name.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Item {
+    /// Its name.
     pub name: String,
+    /// Its other fields.
     pub values: Map<String, Value>,
 }
 
 /// A file that the package was made of.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct SourceRow {
+    /// Relative to the scene's folder.
     pub path: String,
+    /// Bytes.
     pub bytes: u64,
     /// BLAKE3 of the content.
     pub hash: String,
@@ -132,11 +181,17 @@ pub struct SourceRow {
 /// The error of one lossy step.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ErrorRow {
+    /// Such as `texture`.
     pub stage: String,
+    /// Object, such as an image's name.
     pub item: String,
+    /// Setting or preset.
     pub setting: String,
+    /// Name and unit of the metric.
     pub metric: String,
+    /// Value of the metric; 999 dB stands for no error.
     pub error: f64,
+    /// Bytes produced.
     pub bytes: u64,
 }
 

@@ -13,9 +13,13 @@ use crate::encode::unpack_rgb9e5;
 /// radiance as stored. Absent colour channels are 0, absent alpha is 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
+    /// How it was stored.
     pub format: TextureFormat,
+    /// Texels.
     pub width: u32,
+    /// Texels.
     pub height: u32,
+    /// Red, green, blue, alpha.
     pub texels: Vec<[f32; 4]>,
 }
 

@@ -17,14 +17,21 @@ use super::mesh::meshes;
 pub struct Difference {
     /// Whether both have the same content hash, and so the same bytes.
     pub equal: bool,
+    /// Before and after.
     pub content_hashes: [String; 2],
+    /// Sections whose content differs.
     pub sections: Vec<SectionChange>,
+    /// By name.
     pub meshes: Changes<MeshChange>,
+    /// By name.
     pub materials: Changes<FieldChanges>,
+    /// By name and role.
     pub images: Changes<ImageChange>,
     /// Top-level instances, as the n-th of their mesh.
     pub instances: Changes<InstanceChange>,
+    /// By name.
     pub lights: Changes<FieldChanges>,
+    /// By name.
     pub cameras: Changes<FieldChanges>,
     /// Fields of the scene, the environment and the settings of the bake.
     pub fields: Vec<FieldChange>,
@@ -35,39 +42,51 @@ pub struct Difference {
 /// A section that only one package has, or whose hash differs.
 #[derive(Clone, Debug, Serialize)]
 pub struct SectionChange {
+    /// Name of its kind.
     pub name: &'static str,
     /// Bytes before and after; 0 where it is absent.
     pub bytes: [u64; 2],
+    /// Before and after.
     pub records: [u64; 2],
 }
 
 /// Names that only one package has, and what differs of the others. Equal names count up.
 #[derive(Clone, Debug, Serialize)]
 pub struct Changes<T> {
+    /// Only after.
     pub added: Vec<String>,
+    /// Only before.
     pub removed: Vec<String>,
+    /// In both, and not the same.
     pub changed: Vec<T>,
 }
 
 /// Fields that differ of one object.
 #[derive(Clone, Debug, Serialize)]
 pub struct FieldChanges {
+    /// Name of the object.
     pub name: String,
+    /// What differs.
     pub fields: Vec<FieldChange>,
 }
 
 /// A field that differs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FieldChange {
+    /// Path of the field, such as `textures.0.image`.
     pub field: String,
+    /// Null where it is absent.
     pub before: Value,
+    /// Null where it is absent.
     pub after: Value,
 }
 
 /// A mesh that differs.
 #[derive(Clone, Debug, Serialize)]
 pub struct MeshChange {
+    /// Name of the mesh.
     pub name: String,
+    /// How far both are from each other.
     #[serde(flatten)]
     pub difference: MeshDifference,
     /// Names of the materials of its primitives, where these differ.
@@ -77,6 +96,7 @@ pub struct MeshChange {
 /// An image that differs.
 #[derive(Clone, Debug, Serialize)]
 pub struct ImageChange {
+    /// Name and role of the image.
     pub name: String,
     /// Format, extents, levels: where these differ.
     pub fields: Vec<FieldChange>,
@@ -87,6 +107,7 @@ pub struct ImageChange {
 /// An instance that stands elsewhere.
 #[derive(Clone, Debug, Serialize)]
 pub struct InstanceChange {
+    /// Name of its mesh, and which of it.
     pub name: String,
     /// Longest way of a corner of its mesh's bounds, metres.
     pub largest_move: f64,

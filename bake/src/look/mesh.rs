@@ -7,15 +7,20 @@ use cairn_format::{Package, Result, Vertex};
 /// A mesh.
 #[derive(Clone, Debug)]
 pub struct MeshView<'a> {
+    /// glTF name.
     pub name: &'a str,
+    /// Its primitives, in order.
     pub primitives: Vec<PrimitiveView<'a>>,
 }
 
 /// A primitive: triangles of one material. Every index is below the vertex count.
 #[derive(Clone, Copy, Debug)]
 pub struct PrimitiveView<'a> {
+    /// Place of its material.
     pub material: u32,
+    /// Relative to its own vertices, three a triangle.
     pub indices: &'a [u32],
+    /// Its vertices.
     pub vertices: &'a [Vertex],
     /// One a vertex; empty where the package has none.
     pub colors: &'a [VertexColor],

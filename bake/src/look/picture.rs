@@ -11,8 +11,11 @@ use crate::environment::texel_at;
 /// 8-bit sRGB with straight alpha, rows from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
+    /// Texels.
     pub width: u32,
+    /// Texels.
     pub height: u32,
+    /// Red, green, blue, alpha.
     pub texels: Vec<[u8; 4]>,
 }
 
@@ -90,13 +93,11 @@ pub fn level_picture(image: &ArchivedImage, texels: &[u8], level: usize, size: u
         }
         _ => {}
     }
-    let radiance = matches!(
-        plane.format,
-        TextureFormat::Bc6hUfloat | TextureFormat::Rgba16Float | TextureFormat::Rgb9e5Ufloat
-    );
-    // The BRDF table is a table of fractions, not of radiance.
-    if radiance && image.layers.to_native() == 6 {
+    if image.layers.to_native() == 6 {
         tonemap(&mut plane.texels);
+    } else if image.role == ArchivedImageRole::Environment {
+        // A table of fractions, whose fourth is no coverage.
+        plane.texels.iter_mut().for_each(|texel| texel[3] = 1.0);
     }
     let light = plane.format.is_srgb();
     shrink(&plane, size, light)

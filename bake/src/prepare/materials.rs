@@ -100,8 +100,8 @@ impl MaterialUse {
         self.normal.or(self.clearcoat_normal)
     }
 
-    /// Whether some texture samples with coordinate set `set`.
-    pub fn samples(&self, set: u32) -> bool {
+    /// Every texture that is used.
+    pub fn textures(&self) -> impl Iterator<Item = TextureRef> {
         let textures = [
             self.base_color,
             self.metallic_roughness,
@@ -116,10 +116,12 @@ impl MaterialUse {
             self.sheen_color,
             self.sheen_roughness,
         ];
-        textures
-            .iter()
-            .flatten()
-            .any(|texture| texture.uv_set == set)
+        textures.into_iter().flatten()
+    }
+
+    /// Whether some texture samples with coordinate set `set`.
+    pub fn samples(&self, set: u32) -> bool {
+        self.textures().any(|texture| texture.uv_set == set)
     }
 }
 

@@ -50,7 +50,7 @@ fn the_page_stands_alone() {
         "prefers-color-scheme:dark",
         "class=\"map\"",
         "<strong>leaf</strong>",
-        "<h3>psnr dB</h3>",
+        "<h3>psnr dB <span",
         "<h2>Time</h2>",
         "geometry",
         "alpha coverage",

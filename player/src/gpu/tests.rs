@@ -7,7 +7,7 @@ use bytemuck::Zeroable;
 use cairn_format::texture::mip_extent;
 use cairn_format::{TextureFormat, Vertex};
 
-use super::test_support::{close_clean, gpu};
+use super::test_support::{allocations, close_clean, gpu};
 use super::*;
 
 /// Reproducible bytes (a linear congruential generator, Knuth's MMIX constants).
@@ -235,6 +235,43 @@ fn images_come_back_bit_exact() {
     };
     image_round_trip(&gpu, TextureFormat::Bc6hUfloat, &cube, 5000);
     image_round_trip(&gpu, TextureFormat::Bc6hUfloat, &cube, 1 << 20);
+    close_clean(gpu);
+}
+
+/// Levels go from the caller's bytes to staging memory: a copy between would be an allocation a level.
+#[test]
+fn levels_are_copied_once() {
+    let Some(gpu) = gpu() else { return };
+    let upload = |levels: u32| {
+        let desc = ImageDesc {
+            name: "chain",
+            format: vk::Format::BC7_UNORM_BLOCK,
+            extent: [256, 256],
+            levels,
+            layers: 1,
+            cube: false,
+            array: false,
+            samples: 1,
+            usage: vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST,
+        };
+        let image = Image::new(&gpu, &desc).expect("image");
+        let format = TextureFormat::Bc7Unorm;
+        let bytes = noise(format.level_bytes(256, 256) as usize, 1);
+        let chain = (0..levels).map(|level| {
+            let size = mip_extent(256, level);
+            &bytes[..format.level_bytes(size, size) as usize]
+        });
+        let mut uploader = Uploader::new(&gpu).expect("ring");
+        let before = allocations();
+        uploader
+            .upload_image(&image, format, chain)
+            .expect("upload");
+        let made = allocations() - before;
+        uploader.finish().expect("finish");
+        made
+    };
+    upload(1);
+    assert_eq!(upload(9), upload(1));
     close_clean(gpu);
 }
 

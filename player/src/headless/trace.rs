@@ -12,6 +12,7 @@ use crate::frame::frame_uniform;
 use crate::gpu::{Buffer, BuildStats, FRAMES_IN_FLIGHT, FrameTarget, Frames, Gpu, GpuResult, vk};
 use crate::plan::Plan;
 use crate::scene::GpuScene;
+use crate::settings::Settings;
 use crate::tracer::{Counters, Tracer};
 
 /// Samples of a dispatch where the settings leave the pace to the program.
@@ -128,6 +129,35 @@ pub fn trace_series(
     Ok(stages)
 }
 
+/// Mean radiance after the same number of samples with each of these seeds, by one pipeline.
+///
+/// # Errors
+/// As [`trace_on`].
+pub fn trace_seeds(
+    gpu: &Gpu,
+    package: &Package,
+    options: &HeadlessOptions,
+    samples: u32,
+    seeds: &[u32],
+) -> Result<Vec<Vec<[f32; 4]>>, PlayerError> {
+    let limits = TraceOptions {
+        samples: Some(samples),
+        ..TraceOptions::default()
+    };
+    let mut run = Run::checked(gpu, package, options, &limits)?;
+    let mut pictures = Vec::with_capacity(seeds.len());
+    for seed in seeds {
+        run.settings.path.seed = *seed;
+        run.samples = 0;
+        while run.samples < samples {
+            run.step()?;
+        }
+        run.record(0, true)?;
+        pictures.push(run.radiance()?);
+    }
+    Ok(pictures)
+}
+
 /// Path-traces on a device that can.
 ///
 /// # Errors
@@ -150,6 +180,8 @@ struct Run<'a> {
     gpu: &'a Gpu,
     package: &'a Package,
     options: &'a HeadlessOptions,
+    /// The options', but for what runs after each other change.
+    settings: Settings,
     scene: GpuScene,
     tracer: Tracer,
     plan: Plan,
@@ -227,6 +259,7 @@ impl<'a> Run<'a> {
             gpu,
             package,
             options,
+            settings: settings.clone(),
             scene,
             tracer,
             plan,
@@ -263,19 +296,14 @@ impl<'a> Run<'a> {
             final_sync: COPY,
         };
         let options = self.options;
-        let uniform = frame_uniform(
-            &options.camera,
-            options.size,
-            &self.scene,
-            &options.settings,
-        );
+        let uniform = frame_uniform(&options.camera, options.size, &self.scene, &self.settings);
         self.tracer.record(
             &mut commands,
             &self.scene,
             self.package,
             self.plan.variant,
             &uniform,
-            &options.settings,
+            &self.settings,
             samples,
             target,
             None,

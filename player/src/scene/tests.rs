@@ -10,6 +10,7 @@ use cairn_format::{Error, Package, Part, SectionKind, TextureFormat, Vertex, Wri
 
 use super::*;
 use crate::gpu::test_support::{close_clean, gpu};
+use crate::gpu::{AllowedBlocks, GpuError, GpuOptions};
 use crate::settings::Settings;
 
 /// Sections of a package under construction.
@@ -300,4 +301,87 @@ fn images_that_share_texels_are_refused() {
     let copy = parts.scene.images[0].clone();
     parts.scene.images.push(copy);
     refused(&parts, SectionKind::Texels);
+}
+
+/// A device that may use `blocks` alone.
+fn gpu_with(blocks: AllowedBlocks) -> Gpu {
+    let options = GpuOptions {
+        validation: true,
+        blocks,
+        ..GpuOptions::default()
+    };
+    Gpu::new(&options).expect("a device")
+}
+
+/// Sampled by what the device has: 16 bytes a block of the 20 x 20 chain, or 4 bytes a texel.
+#[test]
+fn universal_blocks_upload_on_any_device() {
+    if gpu().is_none() {
+        return;
+    }
+    let mut parts = Parts::triangle();
+    let image = parts.image(TextureFormat::UastcSrgb, 20, 1);
+    let image2 = parts.image(TextureFormat::UastcUnorm, 20, 1);
+    use cairn_format::scene::Swizzle::{Alpha, One, Red, Zero};
+    parts.scene.images[1].swizzle = [Red, Alpha, Zero, One];
+    parts.scene.textures = [image, image2]
+        .map(|image| Texture { image, sampler: 0 })
+        .to_vec();
+    parts.scene.samplers = vec![sampler(MipFilter::Linear)];
+    for blocks in [AllowedBlocks::All, AllowedBlocks::Astc, AllowedBlocks::None] {
+        let gpu = gpu_with(blocks);
+        let has = gpu.blocks();
+        let scene = GpuScene::upload(&gpu, &parts.package()).expect("uploads");
+        let chain = if has.bc || has.astc {
+            16 * (25 + 9 + 4 + 1 + 1)
+        } else {
+            4 * (400 + 100 + 25 + 4 + 1)
+        };
+        assert_eq!(scene.stats.texel_bytes, 2 * chain, "{blocks:?}: {has:?}");
+        assert!(blocks != AllowedBlocks::None || has == Default::default());
+        assert!(blocks != AllowedBlocks::Astc || !has.bc);
+        drop(scene);
+        close_clean(gpu);
+    }
+    // A reserved mode.
+    parts.texels.fill(0x45);
+    refused(&parts, SectionKind::Texels);
+}
+
+#[test]
+fn a_device_without_bc_refuses_bc_and_says_what_to_bake() {
+    if gpu().is_none() {
+        return;
+    }
+    let gpu = gpu_with(AllowedBlocks::None);
+    let mut parts = Parts::triangle();
+    parts.image(TextureFormat::Bc7Srgb, 20, 1);
+    match GpuScene::upload(&gpu, &parts.package()).err() {
+        Some(PlayerError::Gpu(error @ GpuError::NoBlocks { family: "BC", .. })) => {
+            let text = error.to_string();
+            assert!(
+                text.contains("--target portable") && text.contains("image 0"),
+                "{text}"
+            );
+        }
+        other => panic!("{other:?}"),
+    }
+    gpu.wait_idle().expect("idle");
+    close_clean(gpu);
+}
+
+/// The view has the stored levels only, so that no lookup reaches past the last.
+#[test]
+fn chains_may_end_early() {
+    let Some(gpu) = gpu() else { return };
+    let mut parts = Parts::triangle();
+    let image = parts.image(TextureFormat::Bc7Srgb, 64, 1);
+    parts.scene.images[0].levels.truncate(3);
+    parts.scene.textures = vec![Texture { image, sampler: 0 }];
+    parts.scene.samplers = vec![sampler(MipFilter::Linear)];
+    let scene = GpuScene::upload(&gpu, &parts.package()).expect("uploads");
+    assert_eq!(scene._textures.images[0].levels(), 3);
+    assert_eq!(scene.stats.texel_bytes, 16 * (256 + 64 + 16));
+    drop(scene);
+    close_clean(gpu);
 }

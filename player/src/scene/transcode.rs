@@ -128,3 +128,77 @@ fn unpacked(
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A UASTC block of one colour: mode 8, then the channels.
+    fn solid(color: [u8; 4]) -> [u8; BLOCK] {
+        let bits = 0x17 | u128::from(u32::from_le_bytes(color)) << 5;
+        bits.to_le_bytes()
+    }
+
+    /// Blocks of an image, each of a colour of its own.
+    fn blocks(extent: [u32; 2]) -> Vec<u8> {
+        let across = extent[0].div_ceil(4);
+        let count = across * extent[1].div_ceil(4);
+        let color = |block: u32| solid([block as u8, (block >> 8) as u8, 77, 255]);
+        (0..count).flat_map(color).collect()
+    }
+
+    #[test]
+    fn texels_come_from_their_blocks_at_any_size_and_number_of_threads() {
+        // The last is worth several threads.
+        for extent in [[1, 1], [5, 3], [4, 9], [130, 66], [1021, 259]] {
+            let stored = blocks(extent);
+            let mut staged = vec![0; (extent[0] * extent[1] * 4) as usize];
+            let done = Target::Rgba8.transcode(&stored, &mut staged, extent, true);
+            assert_eq!(done, Ok(()));
+            let across = extent[0].div_ceil(4);
+            for (index, texel) in (0..).zip(staged.chunks(4)) {
+                let block = index / extent[0] / 4 * across + index % extent[0] / 4;
+                let expected = [block as u8, (block >> 8) as u8, 77, 255];
+                assert_eq!(texel, expected, "texel {index} of {extent:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn rewritten_blocks_keep_their_places() {
+        let extent = [1021, 259];
+        let stored = blocks(extent);
+        for target in [Target::Bc7, Target::Astc] {
+            let mut all = vec![0; stored.len()];
+            let done = target.transcode(&stored, &mut all, extent, false);
+            assert_eq!(done, Ok(()));
+            for at in [0, 16, 16 * 255, stored.len() - 16] {
+                let mut one = [0; BLOCK];
+                let done = target.transcode(&stored[at..at + BLOCK], &mut one, [4, 4], false);
+                assert_eq!((done, one.as_slice()), (Ok(()), &all[at..at + BLOCK]));
+            }
+        }
+    }
+
+    #[test]
+    fn a_block_of_no_mode_is_named() {
+        for extent in [[8, 8], [1021, 259]] {
+            let mut stored = blocks(extent);
+            let last = stored.len() / BLOCK - 1;
+            stored[last * BLOCK] = 0x45;
+            for target in [Target::Bc7, Target::Astc, Target::Rgba8] {
+                let length = target.layout().level_bytes(extent[0], extent[1]) as usize;
+                let done = target.transcode(&stored, &mut vec![0; length], extent, true);
+                assert_eq!(done, Err(last), "{target:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_best_that_a_device_reads_is_chosen() {
+        let target = |bc, astc| Target::of(Blocks { bc, astc });
+        assert_eq!(target(true, true), Target::Bc7);
+        assert_eq!(target(false, true), Target::Astc);
+        assert_eq!(target(false, false), Target::Rgba8);
+    }
+}

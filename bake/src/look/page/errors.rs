@@ -38,15 +38,45 @@ pub(super) fn write(out: &mut String, contents: &Contents) {
                 metrics.push(&row.metric);
             }
         }
-        for metric in metrics {
-            let rows: Vec<&ErrorRow> = rows.iter().filter(|row| row.metric == metric).collect();
-            plot(out, metric, &rows);
+        let of = |metric: &str| -> Vec<&ErrorRow> {
+            rows.iter().filter(|row| row.metric == metric).collect()
+        };
+        let (single, many): (Vec<&str>, Vec<&str>) = metrics
+            .into_iter()
+            .partition(|metric| of(metric).len() == 1);
+        let single: Vec<&ErrorRow> = single.into_iter().flat_map(of).collect();
+        table(out, &single);
+        for metric in many {
+            plot(out, metric, &of(metric));
         }
         out.push_str("</details>\n");
     }
     if contents.report.is_empty() {
         out.push_str("<p>No step of this bake loses anything.</p>\n");
     }
+}
+
+/// Metrics of one object.
+fn table(out: &mut String, rows: &[&ErrorRow]) {
+    if rows.is_empty() {
+        return;
+    }
+    out.push_str("<div class=\"wide\"><table>\n");
+    for row in rows {
+        let exact = better_when_higher(&row.metric) && row.error >= 999.0;
+        let _ = writeln!(
+            out,
+            "<tr><td>{}<td>{}<td class=\"n\">{}",
+            escape(&row.item),
+            escape(&row.metric),
+            if exact {
+                "exact".into()
+            } else {
+                number(row.error)
+            }
+        );
+    }
+    out.push_str("</table></div>\n");
 }
 
 /// A row with the level that its metric names as a part of its object, so that all levels are in one plot.
@@ -68,8 +98,13 @@ fn better_when_higher(metric: &str) -> bool {
 }
 
 fn plot(out: &mut String, metric: &str, rows: &[&ErrorRow]) {
-    let _ = writeln!(out, "<h3>{}</h3>", escape(metric));
     let higher = better_when_higher(metric);
+    let note = if higher {
+        " <span class=\"soft\">more is better</span>"
+    } else {
+        ""
+    };
+    let _ = writeln!(out, "<h3>{}{note}</h3>", escape(metric));
     let lossless = rows
         .iter()
         .filter(|row| higher && row.error >= 999.0)
@@ -122,7 +157,7 @@ fn strip(out: &mut String, rows: &[&ErrorRow]) {
     let place = |error: f64| MARGIN + (WIDTH - 2.0 * MARGIN) * (error - low) / (high - low);
     let _ = write!(
         out,
-        "<svg viewBox=\"0 0 {WIDTH} 46\" role=\"img\" aria-label=\"{} values from {low} to {high}\">\
+        "<svg viewBox=\"0 0 {WIDTH} 32\" role=\"img\" aria-label=\"{} values from {low} to {high}\">\
          <line x1=\"{MARGIN}\" x2=\"{}\" y1=\"16\" y2=\"16\" stroke=\"currentColor\" stroke-opacity=\".35\"/>",
         rows.len(),
         WIDTH - MARGIN
@@ -138,9 +173,8 @@ fn strip(out: &mut String, rows: &[&ErrorRow]) {
     }
     let _ = writeln!(
         out,
-        "<text x=\"{MARGIN}\" y=\"42\">{}</text><text x=\"{}\" y=\"42\" text-anchor=\"end\">{}</text></svg>",
+        "</svg><div class=\"ends\"><span>{}</span><span>{}</span></div>",
         number(low),
-        WIDTH - MARGIN,
         number(high)
     );
 }

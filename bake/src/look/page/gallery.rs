@@ -62,6 +62,23 @@ fn figure(png: &[u8], row: &ImageRow) -> String {
     out + "</figcaption></figure>\n"
 }
 
+/// A value as text.
+fn plain(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Null => "none".into(),
+        Value::Object(fields) => {
+            let fields: Vec<String> = fields
+                .iter()
+                .map(|(name, value)| format!("{name} {}", plain(value)))
+                .collect();
+            fields.join(", ")
+        }
+        Value::Array(items) => items.iter().map(plain).collect::<Vec<_>>().join(" "),
+        other => other.to_string(),
+    }
+}
+
 pub(super) fn environment(out: &mut String, package: &Package, contents: &Contents) -> Result<()> {
     let Some(environment) = &contents.environment else {
         return Ok(());
@@ -71,12 +88,7 @@ pub(super) fn environment(out: &mut String, package: &Package, contents: &Conten
         .iter()
         .filter(|(name, _)| *name != "irradiance_sh");
     for (name, value) in shown {
-        let text = match value {
-            Value::String(text) => text.clone(),
-            Value::Null => "none".into(),
-            other => other.to_string(),
-        };
-        let _ = write!(out, "<tr><th>{}<td>{}", escape(name), escape(&text));
+        let _ = write!(out, "<tr><th>{}<td>{}", escape(name), escape(&plain(value)));
     }
     out.push_str("</table></div>\n<p class=\"soft\">Cubes seen all around, each exposed for itself.</p>\n<div class=\"grid\">\n");
     let texels = package.texels()?;
@@ -88,12 +100,19 @@ pub(super) fn environment(out: &mut String, package: &Package, contents: &Conten
             let picture = level_picture(image, texels, level, PANORAMA);
             let mut shown = row.clone();
             if all {
-                // Rows of the report that are about this level, and the storage's on the first.
-                let name = format!("{} level {level}", row.name);
-                shown.errors.retain(|error| {
-                    error.item == name || (level == 0 && !error.item.contains(" level "))
+                // The report has a row `prefiltered 3` for every level, and `prefiltered stored` for all of them.
+                let of_level = |item: &str| {
+                    let level = item.strip_prefix(&row.name).map(str::trim);
+                    level.and_then(|level| level.parse::<usize>().ok())
+                };
+                shown.errors.retain(|error| match of_level(&error.item) {
+                    Some(other) => other == level,
+                    None => level == 0,
                 });
-                shown.name = name;
+                shown.name = format!("{} {level}", row.name);
+                (shown.width, shown.height) = (row.width >> level, row.height >> level);
+                shown.bytes = image.levels[level].length.to_native();
+                shown.levels = 1;
             }
             out.push_str(&figure(&picture.png(), &shown));
         }

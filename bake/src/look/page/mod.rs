@@ -38,11 +38,13 @@ figure{margin:0}img{display:block;max-width:100%;height:auto}
 .hero img{width:100%;border-radius:6px}
 .map{position:relative;width:100%;aspect-ratio:16/9;min-height:240px}
 .map div{position:absolute;overflow:hidden;border:1px solid var(--back);padding:.2rem .35rem;font-size:.75rem;line-height:1.25;color:#fff;border-radius:3px;overflow-wrap:anywhere}
+@media(max-width:600px){.map{aspect-ratio:3/4}.map div{font-size:.65rem}}
 .bar{display:grid;grid-template-columns:minmax(6rem,14rem) 1fr 6.5rem;gap:.6rem;align-items:center;margin:.15rem 0}
 .bar span:first-child{overflow:hidden;text-overflow:ellipsis;white-space:nowrap}
 .bar i{display:block;height:.8rem;background:var(--bar);border-radius:2px;min-width:1px}
 .bar b{font-weight:400;text-align:right;font-variant-numeric:tabular-nums}
-svg{width:100%;height:auto;max-width:46rem;display:block;color:var(--bar)}svg text{fill:var(--soft);font:12px system-ui,sans-serif}
+svg{width:100%;height:auto;max-width:46rem;display:block;color:var(--bar)}
+.ends{display:flex;justify-content:space-between;max-width:46rem;margin-bottom:.4rem;color:var(--soft);font-size:.8rem}
 .grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,180px),1fr));gap:1rem}
 .grid figure{background:var(--card);border:1px solid var(--line);border-radius:6px;overflow:hidden}
 .grid img{width:100%;image-rendering:auto;background:repeating-conic-gradient(#8883 0 25%,#0000 0 50%) 0 0/16px 16px}

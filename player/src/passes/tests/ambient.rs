@@ -382,6 +382,27 @@ fn what_was_not_in_view_has_no_history() {
     closes(gpu);
 }
 
+/// Frames without ambient occlusion write no history: what came before them does not count after them.
+#[test]
+fn frames_without_occlusion_end_the_history() {
+    let Some(gpu) = device() else { return };
+    let settings = ambient(1.0, 2, 2, 0.9);
+    let mut off = settings.clone();
+    off.ao.enabled = false;
+    let camera = looking(Vec3::new(0.0, 1.5, 4.0), Vec3::new(0.0, 0.4, 0.0));
+    run(&gpu, &room(), SIZE, &settings, |screen| {
+        let settled = screen.settle(&camera, &settings, 5);
+        assert!(settled.iter().all(|texel| texel.sky || texel.frames == 4));
+        for _ in 0..3 {
+            screen.draw(&camera, &off);
+        }
+        let again = screen.frame(&camera, &settings);
+        assert!(again.iter().any(|texel| !texel.sky));
+        assert!(again.iter().all(|texel| texel.frames == 0));
+    });
+    closes(gpu);
+}
+
 #[test]
 fn without_history_nothing_crawls_and_the_sky_is_open() {
     let Some(gpu) = device() else { return };

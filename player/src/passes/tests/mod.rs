@@ -14,6 +14,7 @@ mod punctual;
 #[cfg(feature = "hot-reload")]
 mod reload;
 mod renderer;
+mod scatter;
 mod screen;
 mod shading;
 mod shadows;

@@ -1,7 +1,10 @@
 //! The path tracer against theory: what is known of an image in closed form or by quadrature.
 
+mod analytic;
 mod denoise;
+mod faults;
 mod lights;
+mod planes;
 mod robustness;
 mod sampling;
 
@@ -91,7 +94,7 @@ fn at_angle(degrees: f32) -> Camera {
 fn a_white_furnace_closes() {
     let Some(gpu) = device() else { return };
     for metallic in [0.0, 0.5, 1.0] {
-        for roughness in [0.0, 0.4, 1.0] {
+        for roughness in [0.0, 0.4, 0.95] {
             let fixture = Fixture {
                 objects: vec![wide(0, 1e3)],
                 materials: vec![white(metallic, roughness)],

@@ -12,7 +12,7 @@ use crate::graph::Usage;
 use crate::scene::GpuScene;
 use crate::settings::Settings;
 
-const FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
+pub const FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
 
 /// A texel of ambient occlusion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,6 +93,18 @@ impl<'a> Screen<'a> {
 
     /// Draws a frame; its ambient occlusion, rows from the top.
     pub fn frame(&mut self, camera: &Camera, settings: &Settings) -> Vec<Texel> {
+        self.record(camera, settings, true);
+        let mut words = vec![[0_u32; 2]; (self.size[0] * self.size[1]) as usize];
+        self.buffer.read(0, &mut words).expect("reads");
+        words.into_iter().map(Texel::unpack).collect()
+    }
+
+    /// Draws a frame that may have no ambient occlusion.
+    pub fn draw(&mut self, camera: &Camera, settings: &Settings) {
+        self.record(camera, settings, false);
+    }
+
+    fn record(&mut self, camera: &Camera, settings: &Settings, copy: bool) {
         let mut commands = self.frames.begin().expect("begins");
         let target = FrameTarget {
             image: self.target.view(),
@@ -103,12 +115,11 @@ impl<'a> Screen<'a> {
         self.renderer
             .record(&mut commands, scene, package, camera, settings, target)
             .expect("records");
-        copy_ao(&mut self.renderer, &mut commands, &self.buffer);
+        if copy {
+            copy_ao(&mut self.renderer, &mut commands, &self.buffer);
+        }
         let submission = self.frames.submit(commands).expect("submits");
         self.gpu.wait(submission).expect("finishes");
-        let mut words = vec![[0_u32; 2]; (self.size[0] * self.size[1]) as usize];
-        self.buffer.read(0, &mut words).expect("reads");
-        words.into_iter().map(Texel::unpack).collect()
     }
 
     /// The last of `count` frames.

@@ -558,3 +558,40 @@ fn a_prepass_leaves_shadows_as_they_are() {
     };
     assert_eq!(shot(Prepass::Off), shot(Prepass::On));
 }
+
+/// Lookups start from the triangle's normal: a map that bends the shaded one moves no shadow.
+#[test]
+fn normal_maps_do_not_move_shadows() {
+    let Some(gpu) = device() else { return };
+    let direction = Vec3::new(0.5, -1.0, 0.3);
+    let shadows = |map: [u8; 4]| {
+        let ball = sphere(0, vec![Mat4::from_translation(Vec3::Y)]);
+        let mut fixture = scene(vec![level(1, 0.0, 6.0), ball], direction);
+        fixture.materials.push(Material {
+            normal_tex: 0,
+            ..matte()
+        });
+        fixture.textures = vec![row(TextureFormat::Rgba8Unorm, vec![map])];
+        visibility(&gpu, &fixture, from_above(9.0, 3.0), &settings())
+    };
+    let flat = shadows([128, 128, 255, 255]);
+    assert!(flat.iter().flatten().any(|share| *share < 0.1));
+    assert!(flat.iter().flatten().any(|share| *share > 0.99));
+    // Bent by 50 degrees to either side.
+    for map in [
+        [226, 128, 210, 255],
+        [30, 128, 210, 255],
+        [128, 226, 210, 255],
+    ] {
+        let bent = shadows(map);
+        let pairs = flat
+            .iter()
+            .zip(&bent)
+            .filter_map(|(a, b)| Some(((*a)?, (*b)?)));
+        let off: Vec<f32> = pairs.map(|(a, b)| (a - b).abs()).collect();
+        assert!(off.len() > flat.len() / 2, "most of it is lit");
+        let worst = off.iter().copied().fold(0.0, f32::max);
+        assert!(worst < 0.01, "{map:?}: {worst}");
+    }
+    assert_eq!(gpu.close(), Vec::<String>::new());
+}

@@ -4,22 +4,26 @@ use cairn_format::brdf_table::{BRDF_TABLE_SIZE, brdf_table_point};
 use glam::DVec3;
 use std::f64::consts::PI;
 
-/// Directional albedo terms A and B, and C, by sampling the GGX distribution at `SAMPLES` points.
+/// Directional albedo terms A and B, and C, by sampling visible GGX normals (Dupuy and Benyoub 2023) at `SAMPLES` points.
 pub fn table(n_dot_v: f64, roughness: f64) -> [f64; 3] {
     const SAMPLES: u32 = 512;
     let alpha = (roughness * roughness).max(1e-4);
     let v = DVec3::new((1.0 - n_dot_v * n_dot_v).max(0.0).sqrt(), 0.0, n_dot_v);
+    let stretched = DVec3::new(alpha * v.x, 0.0, v.z).normalize();
+    let a2 = alpha * alpha;
+    let masking = 2.0 * n_dot_v / (n_dot_v + (n_dot_v * n_dot_v * (1.0 - a2) + a2).sqrt());
     let mut sum = [0.0; 3];
     for index in 0..SAMPLES {
         let u = (f64::from(index) + 0.5) / f64::from(SAMPLES);
         let phi = f64::from(index.reverse_bits()) / 2f64.powi(32) * 2.0 * PI;
-        let cos2 = (1.0 - u) / (1.0 + (alpha * alpha - 1.0) * u);
-        let (sin, cos) = ((1.0 - cos2).sqrt(), cos2.sqrt());
-        let h = DVec3::new(sin * phi.cos(), sin * phi.sin(), cos);
+        let z = (1.0 - u) * (1.0 + stretched.z) - stretched.z;
+        let sine = (1.0 - z * z).max(0.0).sqrt();
+        let cap = DVec3::new(sine * phi.cos(), sine * phi.sin(), z) + stretched;
+        let h = DVec3::new(alpha * cap.x, alpha * cap.y, cap.z.max(1e-12)).normalize();
         let v_dot_h = v.dot(h);
         let l = 2.0 * v_dot_h * h - v;
         if l.z > 0.0 && v_dot_h > 0.0 {
-            let weight = 4.0 * visibility(n_dot_v, l.z, alpha) * l.z * v_dot_h / h.z;
+            let weight = 4.0 * n_dot_v * l.z * visibility(n_dot_v, l.z, alpha) / masking;
             let fresnel = (1.0 - v_dot_h).powi(5);
             sum[0] += (1.0 - fresnel) * weight;
             sum[1] += fresnel * weight;

@@ -11,7 +11,7 @@ use crate::headless::trace::TraceOptions;
 use crate::settings::{Brdf, Settings};
 
 /// Direct light alone.
-fn core() -> Settings {
+pub(super) fn core() -> Settings {
     let mut settings = Settings {
         brdf: Brdf::GltfCore,
         ..traced()
@@ -30,7 +30,7 @@ fn lamp(radiance: f32) -> Material {
 }
 
 /// A floor in the XY plane and a square lamp of half-extent 0.5 above it, facing it.
-fn lit_floor(mirrored: bool) -> Fixture {
+pub(super) fn lit_floor(mirrored: bool) -> Fixture {
     let down = Mat4::from_rotation_x(std::f32::consts::PI);
     let flip = if mirrored {
         Mat4::from_scale(Vec3::new(-1.0, 1.0, 1.0))
@@ -49,7 +49,12 @@ fn lit_floor(mirrored: bool) -> Fixture {
 }
 
 /// Radiance at the origin towards `view`, by quadrature over the lamp.
-fn floor_radiance(view: Vec3) -> f64 {
+pub(super) fn floor_radiance(view: Vec3) -> f64 {
+    lamp_radiance(view, &|_| 5.0)
+}
+
+/// The same of a lamp whose radiance differs along X.
+fn lamp_radiance(view: Vec3, radiance: &dyn Fn(f64) -> f64) -> f64 {
     const CELLS: u32 = 64;
     let mut sum = 0.0;
     for cell in 0..CELLS * CELLS {
@@ -66,13 +71,13 @@ fn floor_radiance(view: Vec3) -> f64 {
             roughness: 1.0,
             lobes: Default::default(),
         };
-        sum += shading.reflected(false).x * 5.0 * l.z / distance2;
+        sum += shading.reflected(false).x * radiance(to_light.x) * l.z / distance2;
     }
     sum / f64::from(CELLS * CELLS)
 }
 
 /// A few pixels around the origin, from the side.
-fn glance() -> (crate::camera::Camera, Vec3) {
+pub(super) fn glance() -> (crate::camera::Camera, Vec3) {
     let eye = Vec3::new(1.6, 0.0, 0.6);
     let mut camera = towards_origin(eye);
     camera.projection = crate::camera::Projection::Perspective { yfov: 0.02 };
@@ -100,6 +105,37 @@ fn an_area_light_by_sampling_by_chance_and_by_both() {
             let image = trace(&gpu, &fixture, [6, 6], camera, settings, &limits);
             assert_close(mean(&image, 0), expected, tolerance);
         }
+    }
+    assert_eq!(gpu.close(), Vec::<String>::new());
+}
+
+/// A lamp that shines in one half of its texture alone, and there twice as bright: what is drawn by the lamp's power, what
+/// is met by chance, and both together agree with the quadrature.
+#[test]
+fn a_textured_lamp_by_sampling_by_chance_and_by_both() {
+    let Some(gpu) = device() else { return };
+    let (camera, view) = glance();
+    let mut fixture = lit_floor(false);
+    fixture.materials[1].emissive_tex = 0;
+    let texels = vec![[255; 4], [0, 0, 0, 255]];
+    fixture.textures = vec![row(TextureFormat::Rgba8Unorm, texels)];
+    for vertex in &mut fixture.objects[1].vertices {
+        vertex.uv0 = [vertex.position[0] * 0.5 + 0.5, 0.5];
+    }
+    let expected = lamp_radiance(view, &|x| if x < 0.0 { 5.0 } else { 0.0 });
+    let sampled_only = TraceOptions {
+        sampled_only: true,
+        ..samples(1024)
+    };
+    let mut by_chance = core();
+    by_chance.path.sample_emitters = false;
+    for (settings, limits, tolerance) in [
+        (core(), samples(1024), 0.006),
+        (core(), sampled_only, 0.006),
+        (by_chance, samples(1024), 0.04),
+    ] {
+        let image = trace(&gpu, &fixture, [6, 6], camera, settings, &limits);
+        assert_close(mean(&image, 0), expected, tolerance);
     }
     assert_eq!(gpu.close(), Vec::<String>::new());
 }

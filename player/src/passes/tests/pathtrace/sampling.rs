@@ -3,9 +3,10 @@
 use glam::{Mat4, Vec3};
 
 use super::super::fixture::{Fixture, sphere};
-use super::super::{device, towards_origin};
-use super::{samples, trace, traced, white, wide};
-use crate::headless::HeadlessImage;
+use super::super::{device, options, towards_origin};
+use super::{traced, white, wide};
+use crate::gpu::Gpu;
+use crate::headless::trace::trace_seeds;
 use crate::settings::PathSampler;
 
 /// The shader's table: what each bit of a pixel's x and y adds to both coordinates.
@@ -88,50 +89,39 @@ fn soft() -> Fixture {
     }
 }
 
-/// Pixels a side of the pictures whose error has its frequencies measured.
+/// Pixels a side of the pictures whose error is measured, and of those whose error has its frequencies measured.
+const SIDE: u32 = 16;
 const WIDE: u32 = 32;
 
-fn shoot(gpu: &crate::gpu::Gpu, sampler: PathSampler, seed: u32, count: u32) -> HeadlessImage {
-    shoot_at(gpu, sampler, seed, count, 16)
-}
-
-fn shoot_at(
-    gpu: &crate::gpu::Gpu,
-    sampler: PathSampler,
-    seed: u32,
-    count: u32,
-    side: u32,
-) -> HeadlessImage {
+/// Green of the soft scene with each of these seeds.
+fn shoot(gpu: &Gpu, sampler: PathSampler, seeds: &[u32], count: u32, side: u32) -> Vec<Vec<f64>> {
     let mut settings = traced();
     settings.path.sampler = sampler;
-    settings.path.seed = seed;
     settings.path.bounces = 1;
     let camera = towards_origin(Vec3::new(0.6, -1.2, 2.6));
-    trace(gpu, &soft(), [side; 2], camera, settings, &samples(count))
+    let options = options([side; 2], camera, settings);
+    let pictures = trace_seeds(gpu, &soft().package(), &options, count, seeds).expect("traces");
+    let green = |texels: &Vec<[f32; 4]>| texels.iter().map(|texel| f64::from(texel[1])).collect();
+    pictures.iter().map(green).collect()
 }
 
-fn rmse(image: &HeadlessImage, reference: &HeadlessImage) -> f64 {
-    let texels = |image: &HeadlessImage| image.hdr.clone().expect("read back");
-    let (a, b) = (texels(image), texels(reference));
-    let sum: f64 = a
-        .iter()
-        .zip(&b)
-        .map(|(a, b)| f64::from(a[1] - b[1]).powi(2))
-        .sum();
-    (sum / a.len() as f64).sqrt()
+fn rmse(pictures: &[Vec<f64>], reference: &[f64]) -> f64 {
+    let squares = pictures.iter().flat_map(|picture| {
+        let pairs = picture.iter().zip(reference);
+        pairs.map(|(a, b)| (a - b).powi(2))
+    });
+    let count = (pictures.len() * reference.len()) as f64;
+    (squares.sum::<f64>() / count).sqrt()
 }
 
 /// Halves the error of random numbers at equal samples, and falls faster.
 #[test]
 fn error_falls_faster_than_that_of_random_numbers() {
     let Some(gpu) = device() else { return };
-    let reference = shoot(&gpu, PathSampler::Owen, 77, 4096);
+    let reference = shoot(&gpu, PathSampler::Owen, &[77], 4096, SIDE).remove(0);
     let error = |sampler, count| {
-        let runs = if count < 64 { 3 } else { 1 };
-        let sum: f64 = (0..runs)
-            .map(|seed| rmse(&shoot(&gpu, sampler, seed, count), &reference).powi(2))
-            .sum();
-        (sum / f64::from(runs)).sqrt()
+        let seeds: &[u32] = if count < 64 { &[0, 1, 2] } else { &[0] };
+        rmse(&shoot(&gpu, sampler, seeds, count, SIDE), &reference)
     };
     let counts = [4u32, 32, 256, 1024];
     let owen = counts.map(|count| error(PathSampler::BlueNoise, count));
@@ -147,15 +137,10 @@ fn error_falls_faster_than_that_of_random_numbers() {
 
 /// Share of the error's power in the low quarter of frequencies, against its even share: 1 for white noise. Of `runs`
 /// pictures of `count` samples, the error of each against the mean of all.
-fn low_frequency_power(gpu: &crate::gpu::Gpu, sampler: PathSampler, count: u32, runs: u32) -> f64 {
+fn low_frequency_power(gpu: &Gpu, sampler: PathSampler, count: u32, runs: u32) -> f64 {
     const BLOCK: usize = 4;
-    let images: Vec<Vec<f64>> = (0..runs)
-        .map(|seed| {
-            let image = shoot_at(gpu, sampler, seed, count, WIDE);
-            let hdr = image.hdr.expect("read back");
-            hdr.iter().map(|texel| f64::from(texel[1])).collect()
-        })
-        .collect();
+    let seeds: Vec<u32> = (0..runs).collect();
+    let images = shoot(gpu, sampler, &seeds, count, WIDE);
     let side = WIDE as usize;
     let (mut all, mut low) = (0.0, 0.0);
     for image in &images {
