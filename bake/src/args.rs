@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::cache::Place;
 use crate::encode::{Effort, EncodeOptions, Kernels, MipFilter, SkyFormat, Target};
 use crate::environment::{EnvironmentOptions, SunMode};
+use crate::import::{DEFAULT_LIMIT_TRIANGLES, Rules};
 use crate::pipeline::{DEFAULT_LIMIT_PIXELS, Options};
 use crate::strict::Strict;
 
@@ -53,6 +54,9 @@ pub struct Settings {
     /// How mips are made.
     #[arg(long, value_enum, default_value = "kaiser")]
     pub mip_filter: MipFilter,
+    /// Only filter the alpha of masked textures: what they cover is not kept over the mips.
+    #[arg(long)]
+    pub plain_alpha: bool,
     /// Encode with this machine's instruction set; the bytes then depend on the machine, and the package says so.
     #[arg(long)]
     pub native_isa: bool,
@@ -74,6 +78,12 @@ pub struct Settings {
     /// Images of more texels than this are refused.
     #[arg(long, value_name = "TEXELS", default_value_t = DEFAULT_LIMIT_PIXELS)]
     pub limit_pixels: u64,
+    /// Scenes of more triangles than this, each mesh counted once, are refused.
+    #[arg(long, value_name = "TRIANGLES", default_value_t = DEFAULT_LIMIT_TRIANGLES)]
+    pub limit_triangles: u64,
+    /// Read files outside the scene's folder where it names them; for scenes you trust.
+    #[arg(long)]
+    pub allow_external: bool,
     /// Threads to use; the bytes are the same for any number.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
@@ -121,6 +131,10 @@ impl Settings {
             light: self.light(),
             sky_format: self.sky_format(),
             limit_pixels: self.limit_pixels,
+            rules: Rules {
+                allow_external: self.allow_external,
+                limit_triangles: self.limit_triangles,
+            },
             ..Options::new(input, output)
         }
     }
@@ -130,6 +144,7 @@ impl Settings {
         EncodeOptions {
             effort: self.texture_quality,
             filter: self.mip_filter,
+            plain_alpha: self.plain_alpha,
             kernels: if self.native_isa {
                 Kernels::Native
             } else {

@@ -35,8 +35,8 @@ pub fn store(mut image: DecodedImage, wanted: &ImageUse, options: &EncodeOptions
         image.texels.truncate(1);
         image.smaller.clear();
     }
-    let alpha = if is_opaque(&image.texels) {
-        AlphaUse::Ignore
+    let alpha = if wanted.alpha != AlphaUse::Ignore && is_opaque(&image.texels) {
+        AlphaUse::Opaque
     } else {
         wanted.alpha
     };

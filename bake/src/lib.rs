@@ -20,6 +20,8 @@
 
 pub mod alias;
 pub mod args;
+pub mod bench;
+pub mod bounded;
 pub mod cache;
 pub mod codes;
 pub mod commands;

@@ -13,7 +13,7 @@ use crate::cache::Session;
 use crate::diagnostic::{BakeError, Diagnostic, Result};
 use crate::encode::{EncodeOptions, SkyFormat, Target};
 use crate::environment::EnvironmentOptions;
-use crate::import::import;
+use crate::import::{Rules, import_with};
 use crate::materials::{self, Plan};
 use crate::panorama::{self, Panorama};
 use crate::prepare::{Prepared, StepTime, prepare_cached};
@@ -41,6 +41,8 @@ pub struct Options {
     pub sky_format: SkyFormat,
     /// Largest number of texels of one image.
     pub limit_pixels: u64,
+    /// Files that the scene may name, and its most triangles.
+    pub rules: Rules,
     /// Folder of the products of earlier bakes; `None` makes everything anew. It decides no bytes.
     pub cache: Option<PathBuf>,
     /// Warnings that stop the bake.
@@ -58,6 +60,7 @@ impl Options {
             light: EnvironmentOptions::default(),
             sky_format: SkyFormat::default(),
             limit_pixels: DEFAULT_LIMIT_PIXELS,
+            rules: Rules::default(),
             cache: None,
             strict: Strict::No,
         }
@@ -87,7 +90,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     }
 
     progress.update("import", 0.0);
-    let mut scene = import(&options.input)?;
+    let mut scene = import_with(&options.input, &options.rules)?;
     let mut environment = options
         .environment
         .as_deref()

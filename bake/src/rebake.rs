@@ -1,6 +1,6 @@
 //! Whether a bake would change anything, and what the next one must know of it.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::cache::{Inputs, Kind, Session, absolute};
 use crate::pipeline::Options;
@@ -53,12 +53,10 @@ pub fn remember(
     if !session.keeps() {
         return;
     }
-    let folder = options.input.parent().unwrap_or(Path::new(""));
-    // The first source is the scene itself; the paths of all are relative to its folder.
     let files = scene
         .sources
         .iter()
-        .map(|source| (folder.join(&source.path), source.hash));
+        .map(|source| (source.location.clone(), source.hash));
     let environment = options.environment.clone().zip(panorama);
     let output = (options.output.as_path(), content_hash);
     let files = files.chain(environment);

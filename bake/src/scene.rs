@@ -1,5 +1,7 @@
 //! The plain scene that import produces: decoded attributes, resolved references, nothing GPU-shaped yet.
 
+use std::path::PathBuf;
+
 use glam::{DMat4, DVec3, Vec3, Vec4};
 
 use crate::diagnostic::Diagnostic;
@@ -27,8 +29,10 @@ pub struct Scene {
 /// A file the bake depends on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Source {
-    /// Path relative to the scene file's folder, `/`-separated.
+    /// Path relative to the scene file's folder, `/`-separated; of an absolute path its last name.
     pub path: String,
+    /// Where it was read; no part of a package.
+    pub location: PathBuf,
     pub bytes: u64,
     /// BLAKE3 of the content.
     pub hash: [u8; 32],

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use cairn_format::TextureFormat;
 use cairn_format::header::{ALIGNMENT, align_up};
 use cairn_format::scene::{Image, ImageRole, Level, Swizzle};
-use rayon::prelude::*;
 
+use crate::bounded;
 use crate::cache::{self, Inputs, Kind, Session};
 use crate::content::{self, Stored};
 use crate::diagnostic::{Diagnostic, Result};
@@ -93,7 +93,7 @@ pub struct Encoded {
     pub of: Vec<usize>,
 }
 
-/// Encodes the plan's images in order, each on all cores that are free.
+/// Encodes the plan's images, each on all cores that are free; as many are decoded at once as there are threads.
 ///
 /// # Errors
 /// The first image, in plan order, that cannot be decoded.
@@ -107,23 +107,21 @@ pub fn encode_all(
 ) -> Result<Encoded> {
     let jobs = jobs(plan);
     let done = AtomicUsize::new(0);
-    let results: Vec<Result<Vec<(Stored, u32)>>> = jobs
-        .par_iter()
-        .map(|job| {
-            let stored = session.fetch(
-                || inputs(scene, plan, job, options, limit_pixels),
-                || encode_job(scene, plan, job, options, limit_pixels),
-            )?;
-            // A job of two gives one texture for both, or one for each.
-            let stored: Vec<(Stored, u32)> = match stored.len() {
-                1 => stored.into_iter().zip(job.last().copied()).collect(),
-                _ => stored.into_iter().zip(job.iter().copied()).collect(),
-            };
-            let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
-            progress(finished as f32 / jobs.len() as f32);
-            Ok(stored)
-        })
-        .collect();
+    let results: Vec<Result<Vec<(Stored, u32)>>> = bounded::map(jobs.len(), |index| {
+        let job = &jobs[index];
+        let stored = session.fetch(
+            || inputs(scene, plan, job, options, limit_pixels),
+            || encode_job(scene, plan, job, options, limit_pixels),
+        )?;
+        // A job of two gives one texture for both, or one for each.
+        let stored: Vec<(Stored, u32)> = match stored.len() {
+            1 => stored.into_iter().zip(job.last().copied()).collect(),
+            _ => stored.into_iter().zip(job.iter().copied()).collect(),
+        };
+        let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
+        progress(finished as f32 / jobs.len() as f32);
+        Ok(stored)
+    });
     let mut encoded = Encoded {
         textures: Vec::new(),
         of: vec![0; plan.images.len()],

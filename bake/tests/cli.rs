@@ -171,6 +171,161 @@ fn completions_and_manual_pages_come_from_the_command_line() {
     assert!(pages.join("cairn-bake-completions.1").exists());
 }
 
+/// Name and value of the settings in a package's provenance.
+fn settings(package: &Path) -> Vec<(String, String)> {
+    let package = cairn_format::Package::open(package).expect("a package");
+    let settings = package.scene().provenance.settings.iter();
+    settings
+        .map(|setting| (setting.name.to_string(), setting.value.to_string()))
+        .collect()
+}
+
+#[test]
+fn native_encoders_are_marked_and_others_do_not_depend_on_threads() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let input = assets().join("materials/materials.gltf");
+    let baked = |name: &str, flags: &[&str]| {
+        let output = folder.path().join(name);
+        let arguments = [&[path(&input), "-o", path(&output), "-q"], flags].concat();
+        let done = bake(&arguments);
+        assert!(done.status.success(), "{}", text(&done.stderr));
+        output
+    };
+    let one = baked("one.cairn", &["--threads", "1"]);
+    let bytes = std::fs::read(&one).expect("the package");
+    for threads in ["2", "5"] {
+        let other = baked("other.cairn", &["--threads", threads]);
+        assert!(
+            bytes == std::fs::read(&other).expect("the package"),
+            "{threads} threads"
+        );
+    }
+    assert!(settings(&one).iter().all(|(name, _)| name != "native-isa"));
+    let native = baked("native.cairn", &["--native-isa"]);
+    assert!(
+        settings(&native)
+            .iter()
+            .any(|(name, _)| name == "native-isa")
+    );
+    let target = baked(
+        "target.cairn",
+        &["--texture-quality", "30dB", "--mip-filter", "box"],
+    );
+    let expected = [("texture-quality", "30dB"), ("mip-filter", "box")];
+    for (name, value) in expected {
+        assert!(
+            settings(&target).contains(&(name.into(), value.into())),
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn images_that_miss_the_quality_asked_for_are_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let input = assets().join("hall/hall.gltf");
+    let output = folder.path().join("hall.cairn");
+    let done = bake(&[
+        path(&input),
+        "-o",
+        path(&output),
+        "--texture-quality",
+        "58dB",
+        "--json",
+    ]);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&done.stdout).expect("one JSON object");
+    let rows = json["report"].as_array().expect("rows");
+    let of = |metric: &str| {
+        let rows = rows.iter().filter(|row| row["metric"] == metric);
+        rows.map(|row| row["error"].as_f64().expect("a number"))
+            .collect::<Vec<_>>()
+    };
+    // Every image meets the target, or says by how much it does not.
+    let (psnr, missed) = (of("psnr dB"), of("psnr dB less the target"));
+    assert_eq!(
+        psnr.iter().filter(|psnr| **psnr < 58.0).count(),
+        missed.len()
+    );
+    assert!(!missed.is_empty() && missed.iter().all(|missed| *missed < 0.0));
+    let warnings = json["diagnostics"].as_array().expect("diagnostics");
+    let named = warnings
+        .iter()
+        .filter(|one| one["code"] == "texture-quality-missed");
+    assert_eq!(named.count(), missed.len());
+    // Presets differ from image to image.
+    let presets: std::collections::BTreeSet<&str> = rows
+        .iter()
+        .filter(|row| row["stage"] == "texture")
+        .filter_map(|row| row["setting"].as_str())
+        .collect();
+    assert!(
+        presets.contains("Bc7Srgb best") && presets.len() > 2,
+        "{presets:?}"
+    );
+}
+
+#[test]
+fn files_elsewhere_need_trust() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path_of = |name: &str| folder.path().join(name);
+    for name in ["scene", "elsewhere"] {
+        std::fs::create_dir(path_of(name)).expect("a folder");
+    }
+    let source = assets().join("lobes");
+    let bin = path_of("elsewhere/lobes.bin");
+    std::fs::copy(source.join("lobes.bin"), &bin).expect("a copy");
+    let scene = std::fs::read_to_string(source.join("lobes.gltf")).expect("the scene");
+    let output = path_of("out.cairn");
+    let absolute = format!("file://{}", path(&bin));
+    let mut packages = Vec::new();
+    for (uri, code) in [
+        ("../elsewhere/lobes.bin", "uri-outside"),
+        (absolute.as_str(), "uri-scheme"),
+        (path(&bin), "uri-absolute"),
+    ] {
+        let named = path_of("scene/lobes.gltf");
+        let text_of = scene.replace("\"lobes.bin\"", &format!("\"{uri}\""));
+        assert_ne!(text_of, scene);
+        std::fs::write(&named, text_of).expect("written");
+        let done = bake(&[path(&named), "-o", path(&output)]);
+        assert_eq!(done.status.code(), Some(2), "{uri}");
+        assert!(text(&done.stderr).contains(code), "{}", text(&done.stderr));
+        let done = bake(&[path(&named), "-o", path(&output), "--allow-external"]);
+        assert!(done.status.success(), "{}", text(&done.stderr));
+        packages.push(std::fs::read(&output).expect("the package"));
+    }
+    // Where the folder lies is in no package.
+    let needle = path(folder.path()).as_bytes();
+    for package in packages {
+        assert!(!package.windows(needle.len()).any(|window| window == needle));
+    }
+}
+
+#[test]
+fn a_scene_may_have_too_many_triangles() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let output = folder.path().join("out.cairn");
+    let scene = assets().join("box/box.gltf");
+    let with = |limit: &str| {
+        bake(&[
+            path(&scene),
+            "-o",
+            path(&output),
+            "--limit-triangles",
+            limit,
+        ])
+    };
+    let done = with("11");
+    assert_eq!(done.status.code(), Some(2));
+    let message = text(&done.stderr);
+    assert!(
+        message.contains("/meshes/0/primitives/0") && message.contains("--limit-triangles"),
+        "{message}"
+    );
+    assert!(!output.exists() && with("12").status.success());
+}
+
 #[test]
 fn warnings_stop_a_strict_bake() {
     let folder = tempfile::tempdir().expect("a folder");

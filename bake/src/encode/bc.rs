@@ -15,6 +15,8 @@ pub(super) struct Image<'a> {
     pub codes: &'a [[u8; 4]],
     /// The level in the role's filterable space.
     pub exact: &'a [[f32; 4]],
+    /// Whether an alpha of 1 has to stay so.
+    pub alpha_is_read: bool,
 }
 
 impl Image<'_> {
@@ -122,6 +124,7 @@ mod tests {
             height: 3,
             codes: &codes,
             exact: &[],
+            alpha_is_read: true,
         };
         let block = image.gather(image.codes, 1);
         for (texel, code) in block.into_iter().enumerate() {
@@ -140,6 +143,7 @@ mod tests {
             height,
             codes: &codes,
             exact: &[],
+            alpha_is_read: true,
         };
         let level = Codec::Bc7 {
             quality: Quality::Default,

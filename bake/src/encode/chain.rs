@@ -90,7 +90,7 @@ impl<'a> Chain<'a> {
     pub fn descend(&mut self) {
         let weighting = match (self.role, self.source.alpha) {
             (Role::Normal, _) => Weighting::Signed,
-            (_, AlphaUse::Ignore | AlphaUse::Value) => Weighting::Plain,
+            (_, AlphaUse::Ignore | AlphaUse::Opaque | AlphaUse::Value) => Weighting::Plain,
             _ => Weighting::Alpha,
         };
         self.plane = mips::halve(&self.plane, self.options.filter, self.wrap(), weighting);
@@ -113,7 +113,7 @@ impl<'a> Chain<'a> {
             .map(|&texel| self.role.codes(texel))
             .collect();
         let blocks = match self.mask() {
-            Some(grid) if !self.levels.is_empty() => {
+            Some(grid) if !self.levels.is_empty() && !self.options.plain_alpha => {
                 let coverage = self.coverage;
                 let compress = |codes: &[[u8; 4]]| self.compress(self.codec, codes);
                 let found = masked::keep(
@@ -183,6 +183,7 @@ impl<'a> Chain<'a> {
             height: self.plane.height,
             codes,
             exact: &self.plane.texels,
+            alpha_is_read: self.source.alpha != AlphaUse::Ignore,
         };
         codec.compress(self.role, &image)
     }
@@ -190,7 +191,8 @@ impl<'a> Chain<'a> {
     /// The error of a level's blocks; `alpha` stands for the filtered alpha where it was changed.
     fn measure(&self, blocks: &[u8], alpha: Option<&[f32]>) -> error::LevelError {
         let role = self.role;
-        let channels = role.channels(self.source.alpha != AlphaUse::Ignore);
+        let reads_alpha = !matches!(self.source.alpha, AlphaUse::Ignore | AlphaUse::Opaque);
+        let channels = role.channels(reads_alpha);
         let own = self.levels.is_empty() && !self.altered;
         let stored = |index: usize| match role {
             // The source itself, which spares the transfer function there and back.
@@ -251,7 +253,7 @@ impl<'a> Chain<'a> {
 
 /// Texels in the space they are filtered in; where nothing reads alpha, it is one.
 fn plane(texels: &[[u16; 4]], [width, height]: [u32; 2], role: Role, alpha: AlphaUse) -> Plane {
-    let opaque = alpha == AlphaUse::Ignore;
+    let opaque = matches!(alpha, AlphaUse::Ignore | AlphaUse::Opaque);
     let texels = texels.par_iter().map(|&texel| {
         let [x, y, z, alpha] = role.filterable(texel);
         [x, y, z, if opaque { 1.0 } else { alpha }]

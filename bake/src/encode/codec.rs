@@ -4,8 +4,11 @@ use cairn_format::TextureFormat;
 use rayon::prelude::*;
 
 use super::bc::Image;
-use super::ispc::{self, BLOCKS_PER_CALL};
+use super::ispc;
 use super::{EncodeOptions, Kernels, Quality, Role, Target, bc5, bc7, uastc};
+
+/// Blocks of one task: enough to fill the lanes of the BC7 search with blocks of one kind.
+const BLOCKS_PER_CALL: usize = 256;
 
 /// A block encoder at one setting.
 #[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize, Clone, Copy, Debug, PartialEq, Eq)]
@@ -91,7 +94,9 @@ impl Codec {
                 }
                 let out = out.as_chunks_mut::<16>().0;
                 match kernels {
-                    Kernels::Reproducible => bc7::compress(&blocks[..count], quality, out),
+                    Kernels::Reproducible => {
+                        bc7::compress(&blocks[..count], quality, image.alpha_is_read, out);
+                    }
                     Kernels::Native => ispc::bc7(quality, &blocks[..count], out),
                 }
             }
@@ -182,6 +187,7 @@ mod tests {
             height: 5,
             codes: &[],
             exact: &exact,
+            alpha_is_read: true,
         };
         let (one, two) = (
             Codec::Bc4.compress(Role::Data, &image),

@@ -4,12 +4,12 @@
 //! approximate reciprocals of one instruction set differ between vendors besides: the bytes depend on the CPU.
 
 use ctt_bc7enc_rdo as bc7e;
-use ctt_bc7enc_rdo::bindings::bc7e_compress_block_params as Bc7Params;
+pub(super) use ctt_bc7enc_rdo::bindings::bc7e_compress_block_params as Bc7Params;
 
 use super::Quality;
 
-/// Blocks of one call: the encoder sees the same groups whatever the number of threads.
-pub(super) const BLOCKS_PER_CALL: usize = 64;
+/// Blocks of one call.
+const BLOCKS_PER_CALL: usize = 64;
 
 /// The bc7e settings of a quality, linear metric (equal weights: the data is not always colour).
 fn bc7_params(quality: Quality) -> Bc7Params {
@@ -25,6 +25,11 @@ fn bc7_params(quality: Quality) -> Bc7Params {
 /// # Panics
 /// If the slices differ in length.
 pub(super) fn bc7(quality: Quality, blocks: &[[[u8; 4]; 16]], out: &mut [[u8; 16]]) {
+    compress(&bc7_params(quality), blocks, out);
+}
+
+/// The same by any settings of bc7e.
+pub(super) fn compress(params: &Bc7Params, blocks: &[[[u8; 4]; 16]], out: &mut [[u8; 16]]) {
     assert_eq!(blocks.len(), out.len());
     let mut texels = [[0_u32; 16]; BLOCKS_PER_CALL];
     let mut packed = [[0_u64; 2]; BLOCKS_PER_CALL];
@@ -36,11 +41,7 @@ pub(super) fn bc7(quality: Quality, blocks: &[[[u8; 4]; 16]], out: &mut [[u8; 16
             *texels = block.map(u32::from_le_bytes);
         }
         let (texels, packed) = (&texels[..blocks.len()], &mut packed[..blocks.len()]);
-        bc7e::compress_blocks(
-            packed.as_flattened_mut(),
-            texels.as_flattened(),
-            &bc7_params(quality),
-        );
+        bc7e::compress_blocks(packed.as_flattened_mut(), texels.as_flattened(), params);
         for (out, packed) in out.iter_mut().zip(packed) {
             *out = bytemuck::cast(packed.map(u64::to_le));
         }

@@ -205,6 +205,7 @@ mod tests {
                 height,
                 codes,
                 exact: &[],
+                alpha_is_read: true,
             };
             Codec::Bc7 {
                 quality: Quality::Default,

@@ -13,6 +13,7 @@ mod hdr;
 mod ispc;
 mod masked;
 mod mips;
+pub mod peers;
 mod role;
 mod settings;
 pub(crate) mod srgb;
@@ -38,8 +39,10 @@ use chain::Chain;
 /// What materials read from the alpha channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AlphaUse {
-    /// Nothing: stored as opaque.
+    /// Nothing: stored as opaque, or as 254 of 255 where that serves colour.
     Ignore,
+    /// It is 1 everywhere, and stays so exactly.
+    Opaque,
     /// A value of its own, which weighs nothing.
     Value,
     /// Opacity.

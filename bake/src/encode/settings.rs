@@ -155,6 +155,8 @@ pub struct EncodeOptions {
     pub effort: Effort,
     pub filter: MipFilter,
     pub kernels: Kernels,
+    /// Whether the alpha of masked textures is only filtered: coverage then falls with distance.
+    pub plain_alpha: bool,
     pub target: Target,
 }
 
@@ -170,6 +172,9 @@ impl EncodeOptions {
         }
         if self.kernels == Kernels::Native {
             settings.push(("native-isa", native_isa().into()));
+        }
+        if self.plain_alpha {
+            settings.push(("plain-alpha", "on".into()));
         }
         settings
     }

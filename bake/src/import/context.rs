@@ -38,6 +38,30 @@ pub(super) struct Context {
     elements: Cell<u64>,
     zeroed: Cell<u64>,
     decoded: Cell<u64>,
+    triangles: Cell<u64>,
+    /// What the scene may reach and be.
+    pub rules: Rules,
+}
+
+/// What an import may read, and how large a scene may be.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rules {
+    /// Whether URIs may name files outside the scene's folder.
+    pub allow_external: bool,
+    /// Most triangles of all meshes that are drawn, each counted once.
+    pub limit_triangles: u64,
+}
+
+/// Triangles that a bake takes by default: 67 million, a package of several gigabytes.
+pub const DEFAULT_LIMIT_TRIANGLES: u64 = 1 << 26;
+
+impl Default for Rules {
+    fn default() -> Self {
+        Self {
+            allow_external: false,
+            limit_triangles: DEFAULT_LIMIT_TRIANGLES,
+        }
+    }
 }
 
 /// Warnings in order of first occurrence; equal groups are counted instead of repeated.
@@ -52,7 +76,8 @@ impl Context {
     pub fn open(path: &Path) -> Result<Self> {
         let container = read_file(path).map_err(|error| BakeError::io(path, error))?;
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let source = describe(name.into_owned(), &container);
+        let mut source = describe(name.into_owned(), &container);
+        path.clone_into(&mut source.location);
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
         Self::parse(path.display().to_string(), folder, container, source)
     }
@@ -100,6 +125,8 @@ impl Context {
             elements: Cell::new(0),
             zeroed: Cell::new(0),
             decoded: Cell::new(0),
+            triangles: Cell::new(0),
+            rules: Rules::default(),
         };
         for remark in remarks {
             context.warn("glb", format!("byte {}", remark.offset), remark.message);
@@ -206,6 +233,21 @@ impl Context {
         self.spend(&self.decoded, DECODED_LIMIT, bytes, what, pointer)
     }
 
+    /// Accounts for triangles about to be decoded.
+    pub fn charge_triangles(&self, triangles: u64, pointer: &str) -> Result<()> {
+        let total = self.triangles.get().saturating_add(triangles);
+        let limit = self.rules.limit_triangles;
+        if total > limit {
+            let message = format!(
+                "with {triangles} more triangles the scene has {total}, over the limit of {limit}; simplify it, \
+                 or raise --limit-triangles"
+            );
+            return Err(self.error("scene-too-large", pointer, message));
+        }
+        self.triangles.set(total);
+        Ok(())
+    }
+
     /// Bytes that may still be decompressed.
     pub fn decodable(&self) -> u64 {
         DECODED_LIMIT.saturating_sub(self.decoded.get())
@@ -232,22 +274,29 @@ impl Context {
 
     /// The bytes that a URI of the scene file stands for.
     pub fn resource(&self, uri: &str, pointer: &str) -> Result<Vec<u8>> {
-        let resource =
-            uri::resolve(uri).map_err(|(code, message)| self.error(code, pointer, message))?;
-        let path = match resource {
-            Resource::Data(bytes) => return Ok(bytes),
-            Resource::File(path) => path,
+        let resolved = if self.rules.allow_external {
+            uri::resolve_external(uri)
+        } else {
+            uri::resolve(uri)
         };
-        let bytes = read_file(&self.folder.join(&path)).map_err(|error| {
+        let resource = resolved.map_err(|(code, message)| self.error(code, pointer, message))?;
+        let (path, name) = match resource {
+            Resource::Data(bytes) => return Ok(bytes),
+            Resource::File(path) => (self.folder.join(&path), path),
+            Resource::External(path) => (self.folder.join(&path), external_name(&path)),
+        };
+        let bytes = read_file(&path).map_err(|error| {
             let message = format!(
                 "`{}` cannot be read: {error}; put the file there or correct the URI",
-                self.folder.join(&path).display()
+                path.display()
             );
             self.error("file-missing", pointer, message)
         })?;
         let mut sources = self.sources.borrow_mut();
-        if !sources.iter().any(|source| source.path == path) {
-            sources.push(describe(path, &bytes));
+        if !sources.iter().any(|source| source.location == path) {
+            let mut source = describe(name, &bytes);
+            source.location = path;
+            sources.push(source);
         }
         Ok(bytes)
     }
@@ -279,9 +328,19 @@ pub(crate) fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
     std::fs::read(path)
 }
 
+/// What a package says of a file outside the scene's folder: a relative path as it is, of others only the name,
+/// since where a folder lies must not change the bytes.
+fn external_name(path: &str) -> String {
+    if path.starts_with("..") {
+        return path.to_owned();
+    }
+    path.rsplit('/').next().unwrap_or_default().to_owned()
+}
+
 /// The dependency record of a file.
 pub(super) fn describe(path: String, bytes: &[u8]) -> Source {
     Source {
+        location: PathBuf::from(&path),
         path,
         bytes: bytes.len() as u64,
         hash: *blake3::hash(bytes).as_bytes(),

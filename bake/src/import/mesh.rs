@@ -71,6 +71,11 @@ impl Reader<'_> {
             );
             return Ok(None);
         }
+        let triangles = match topology {
+            Topology::List => corners / 3,
+            Topology::Strip | Topology::Fan => corners - 2,
+        };
+        self.context.charge_triangles(triangles, &self.pointer)?;
         let material = self.material()?;
         let UvSets { sets, .. } = UvSets::of(self.context, material)?;
         self.draco = draco::decode(self.context, self.primitive, &self.pointer)?;

@@ -40,6 +40,7 @@ pub use environment::{
 pub use image::{DecodedImage, ImageHeader, decode_image, image_header};
 
 pub(crate) use context::read_file;
+pub use context::{DEFAULT_LIMIT_TRIANGLES, Rules};
 
 use context::Context;
 use node::Placed;
@@ -54,8 +55,18 @@ use node::Placed;
 /// `BakeError::Io` where the scene file itself cannot be read, `BakeError::Input` with the JSON
 /// pointer or byte offset of the fault otherwise.
 pub fn import(path: &Path) -> Result<Scene> {
+    import_with(path, &Rules::default())
+}
+
+/// As [`import`], under other rules.
+///
+/// # Errors
+/// As there.
+pub fn import_with(path: &Path, rules: &Rules) -> Result<Scene> {
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    assemble(Context::open(path)?, name.into_owned())
+    let mut context = Context::open(path)?;
+    context.rules = rules.clone();
+    assemble(context, name.into_owned())
 }
 
 /// Reads everything that the scene of an opened file reaches.

@@ -18,6 +18,8 @@ pub(super) enum Resource {
     Data(Vec<u8>),
     /// A file below the scene's folder: `/`-separated, without `.` or `..`.
     File(String),
+    /// A file elsewhere: `/`-separated, absolute or beginning with `..`.
+    External(String),
 }
 
 /// A refused URI: stable code, then the reason with its remedy.
@@ -35,6 +37,35 @@ pub(super) fn resolve(uri: &str) -> Result<Resource, Refusal> {
         return data(&uri[5..]).map(Resource::Data);
     }
     file(uri).map(Resource::File)
+}
+
+/// As [`resolve`], but absolute paths, `file:` URIs and paths that leave the scene's folder are files too.
+///
+/// # Errors
+/// A remote location or undecodable text.
+pub(super) fn resolve_external(uri: &str) -> Result<Resource, Refusal> {
+    let refusal = match resolve(uri) {
+        Ok(resource) => return Ok(resource),
+        Err(refusal) => refusal,
+    };
+    let local = match uri.get(..5) {
+        // RFC 8089: an empty authority or this host.
+        Some(scheme) if scheme.eq_ignore_ascii_case("file:") => {
+            let rest = &uri[5..];
+            let path = rest.strip_prefix("//").unwrap_or(rest);
+            path.strip_prefix("localhost").unwrap_or(path)
+        }
+        _ => uri,
+    };
+    if !matches!(refusal.0, "uri-absolute" | "uri-outside") && local.len() == uri.len() {
+        return Err(refusal);
+    }
+    let path = decoded(local)?;
+    Ok(Resource::External(match path.strip_prefix('/') {
+        // `/C:/a.bin` is how a URI writes a drive.
+        Some(drive) if scheme_of_drive(drive) => drive.to_owned(),
+        _ => path,
+    }))
 }
 
 /// Decodes what follows `data:`.
@@ -61,11 +92,25 @@ fn data(rest: &str) -> Result<Vec<u8>, Refusal> {
 /// Turns a relative reference into a clean relative path.
 fn file(uri: &str) -> Result<String, Refusal> {
     if let Some(scheme) = scheme(uri) {
-        let remedy =
-            "download the file, put it beside the scene and refer to it by a relative path";
+        let remedy = if scheme.eq_ignore_ascii_case("file") {
+            "refer to the file by a path relative to the scene, or trust the scene with --allow-external"
+        } else {
+            "download the file, put it beside the scene and refer to it by a relative path"
+        };
         let message = format!("the URI scheme `{scheme}:` is not supported; {remedy}");
         return Err(("uri-scheme", message));
     }
+    let path = decoded(uri)?;
+    if path.starts_with('/') || scheme_of_drive(&path) {
+        let remedy = "refer to the file by a path relative to the scene, pack a .glb, or trust the scene with \
+                      --allow-external";
+        return Err(("uri-absolute", format!("`{path}` is absolute; {remedy}")));
+    }
+    normalise(&path)
+}
+
+/// The text of a path behind its percent encoding.
+fn decoded(uri: &str) -> Result<String, Refusal> {
     let Ok(path) = percent_decode(uri.as_bytes()).decode_utf8() else {
         let message = "the percent-decoded URI is not UTF-8; rename the file and export again";
         return Err(("uri-encoding", message.into()));
@@ -74,13 +119,8 @@ fn file(uri: &str) -> Result<String, Refusal> {
         let message = "the URI contains a NUL character; rename the file and export again";
         return Err(("uri-encoding", message.into()));
     }
-    // Some exporters on Windows write backslashes; they must not evade the checks below either.
-    let path = path.replace('\\', "/");
-    if path.starts_with('/') || scheme_of_drive(&path) {
-        let remedy = "refer to the file by a path relative to the scene, or pack a .glb";
-        return Err(("uri-absolute", format!("`{path}` is absolute; {remedy}")));
-    }
-    normalise(&path)
+    // Some exporters on Windows write backslashes; they must not evade the checks of paths either.
+    Ok(path.replace('\\', "/"))
 }
 
 /// Removes `.` and `..` without leaving the folder.
@@ -91,8 +131,8 @@ fn normalise(path: &str) -> Result<String, Refusal> {
             "" | "." => {}
             ".." => {
                 if parts.pop().is_none() {
-                    let remedy =
-                        "move the file below that folder, or pack everything into one .glb";
+                    let remedy = "move the file below that folder, pack everything into one .glb, or trust the scene \
+                         with --allow-external";
                     let message = format!("`{path}` leaves the scene's folder; {remedy}");
                     return Err(("uri-outside", message));
                 }
@@ -164,6 +204,37 @@ mod tests {
         assert_eq!(code("./"), "uri-empty");
         assert_eq!(code("%ff.png"), "uri-encoding");
         assert_eq!(code("a%00.png"), "uri-encoding");
+    }
+
+    #[test]
+    fn trusted_scenes_reach_other_folders() {
+        let path = |uri: &str| match resolve_external(uri) {
+            Ok(Resource::External(path)) => path,
+            other => panic!("{uri}: {other:?}"),
+        };
+        assert_eq!(path("../a%20b.bin"), "../a b.bin");
+        assert_eq!(path("a/../../b.bin"), "a/../../b.bin");
+        assert_eq!(path("/srv/a.bin"), "/srv/a.bin");
+        assert_eq!(path("C:\\a.bin"), "C:/a.bin");
+        assert_eq!(path("file:///srv/a.bin"), "/srv/a.bin");
+        assert_eq!(path("file:/srv/a.bin"), "/srv/a.bin");
+        assert_eq!(path("file://localhost/C:/a.bin"), "C:/a.bin");
+        assert_eq!(
+            resolve_external("a/./b.bin"),
+            Ok(Resource::File("a/b.bin".into()))
+        );
+        for (uri, code) in [
+            ("https://example.com/a.bin", "uri-scheme"),
+            ("", "uri-empty"),
+            ("..%ff", "uri-encoding"),
+            ("data:;base64", "uri-data"),
+        ] {
+            assert_eq!(
+                resolve_external(uri).map_err(|refusal| refusal.0),
+                Err(code),
+                "{uri}"
+            );
+        }
     }
 
     #[test]

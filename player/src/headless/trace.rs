@@ -104,8 +104,10 @@ pub fn trace_series(
         ..TraceOptions::default()
     };
     let mut run = Run::checked(gpu, package, options, &limits)?;
-    // What a device does on first use is not tracing.
-    run.record(0, true)?;
+    // What a device does on first use is not tracing: a batch of other samples, which the change of seed takes back.
+    run.settings.path.seed ^= 1;
+    run.record(1, true)?;
+    run.settings.path.seed ^= 1;
     let mut seconds = 0.0;
     let mut stages = Vec::with_capacity(counts.len());
     for count in counts {

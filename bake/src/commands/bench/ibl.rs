@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use glam::DMat3;
 
-use super::clock::Clock;
 use super::peers::{self, Filtered};
 use super::table::{Level, Row, Sky};
 use super::{plot, table};
 use crate::args::IblQuality;
+use crate::bench::clock::Clock;
 use crate::commands::SUCCESS;
 use crate::diagnostic::{BakeError, Diagnostic};
 use crate::environment::bench::Truth;
@@ -127,7 +127,7 @@ fn ours(input: &Equirect, truth: &mut Truth<'_>, preset: IblQuality) -> Row {
         let spent = clock.stop();
         if best
             .as_ref()
-            .is_none_or(|(least, _): &(super::clock::Spent, _)| {
+            .is_none_or(|(least, _): &(crate::bench::clock::Spent, _)| {
                 spent.cpu_seconds < least.cpu_seconds
             })
         {
@@ -162,7 +162,7 @@ fn ours(input: &Equirect, truth: &mut Truth<'_>, preset: IblQuality) -> Row {
 /// The time that the oracle would take for every texel, from what it takes for a few.
 fn brute_force(input: &Equirect, probes: usize) -> Row {
     let levels = 6;
-    let (mut spent, mut rows) = (super::clock::Spent::default(), Vec::new());
+    let (mut spent, mut rows) = (crate::bench::clock::Spent::default(), Vec::new());
     for level in 1..levels {
         let size = PREFILTERED_SIZE >> level;
         let roughness = level_roughness(level, levels);

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use super::clock::{Clock, Spent};
+use crate::bench::clock::{Clock, Spent};
 use crate::diagnostic::BakeError;
 use crate::import::load_environment;
 

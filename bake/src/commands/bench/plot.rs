@@ -184,9 +184,9 @@ fn escape(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::clock::Spent;
     use super::super::table::Level;
     use super::*;
+    use crate::bench::clock::Spent;
 
     #[test]
     fn points_lie_within_their_panels() {

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use super::clock::Spent;
+use crate::bench::clock::Spent;
 
 /// One tool's work on one sky.
 #[derive(Clone, Debug, Serialize)]

@@ -1,7 +1,5 @@
 //! The partitions of BC7: which texel belongs to which subset (Khronos Data Format Specification 1.3, 20.1).
 
-use super::lanes::Lanes;
-
 /// Texels of the second of two subsets, bit `t` for texel `t`.
 #[rustfmt::skip]
 const TWO: [u16; 64] = [
@@ -77,32 +75,4 @@ pub(super) const fn anchors(subsets: usize, partition: usize) -> [u8; 3] {
         2 => [0, TWO_ANCHORS[partition], 0],
         _ => [0, THREE_ANCHORS[partition][0], THREE_ANCHORS[partition][1]],
     }
-}
-
-/// For four partitions side by side, 1 in the lanes whose subset holds the texel: `[group][texel]`.
-pub(super) type LaneMasks = [[Lanes; 16]; 16];
-
-/// Of the second of two subsets.
-pub(super) static SECOND_OF_TWO: LaneMasks = lane_masks(2, 1);
-/// Of the second of three subsets.
-pub(super) static SECOND_OF_THREE: LaneMasks = lane_masks(3, 1);
-/// Of the third of three subsets.
-pub(super) static THIRD_OF_THREE: LaneMasks = lane_masks(3, 2);
-
-const fn lane_masks(subsets: usize, subset: usize) -> LaneMasks {
-    let mut lanes = [[Lanes::ZERO; 16]; 16];
-    let mut at = 0;
-    while at < 256 {
-        let (group, texel) = (at / 16, at % 16);
-        let mut held = [0.0; 4];
-        let mut lane = 0;
-        while lane < 4 {
-            let mask = masks(subsets, group * 4 + lane)[subset];
-            held[lane] = (mask >> texel & 1) as f32;
-            lane += 1;
-        }
-        lanes[group][texel] = Lanes::new(held);
-        at += 1;
-    }
-    lanes
 }

@@ -39,6 +39,20 @@ impl Clock {
     }
 }
 
+/// CPU seconds of one call, from as many calls as `least` seconds hold.
+pub fn of_one(least: f64, mut call: impl FnMut()) -> f64 {
+    let clock = Clock::start();
+    let mut calls = 0_u32;
+    loop {
+        call();
+        calls += 1;
+        let seconds = clock.stop().cpu_seconds;
+        if seconds >= least {
+            return seconds / f64::from(calls);
+        }
+    }
+}
+
 /// Sum over the threads, to the nanosecond.
 fn own_seconds() -> Option<f64> {
     let mut nanoseconds = 0.0;
