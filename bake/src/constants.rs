@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use crate::cache::{Inputs, Kind, Session};
 use crate::diagnostic::Result;
 use crate::encode::srgb::decode_f64;
 use crate::import::{decode_image, image_header};
@@ -27,9 +28,9 @@ struct Facts {
 ///
 /// # Errors
 /// An image that is used and cannot be decoded.
-pub fn fold(scene: &mut Scene, limit_pixels: u64) -> Result<()> {
+pub fn fold(scene: &mut Scene, limit_pixels: u64, session: &Session) -> Result<()> {
     let translucent = translucent_vertices(scene);
-    let facts = survey(scene, limit_pixels)?;
+    let facts = survey(scene, limit_pixels, session)?;
     let textures = &scene.textures;
     let of = |reference: &TextureRef| {
         let image = textures[reference.texture as usize].image;
@@ -55,7 +56,7 @@ fn translucent_vertices(scene: &Scene) -> Vec<Option<u32>> {
 }
 
 /// Facts of the images that may be constant, or whose alpha decides a mode.
-fn survey(scene: &Scene, limit_pixels: u64) -> Result<BTreeMap<u32, Facts>> {
+fn survey(scene: &Scene, limit_pixels: u64, session: &Session) -> Result<BTreeMap<u32, Facts>> {
     // Whether alpha is asked for.
     let mut wanted: BTreeMap<u32, bool> = BTreeMap::new();
     for material in &scene.materials {
@@ -79,7 +80,14 @@ fn survey(scene: &Scene, limit_pixels: u64) -> Result<BTreeMap<u32, Facts>> {
             let small = image.bytes.len() as u64 <= texels / TEXELS_PER_BYTE + LEAST_BYTES;
             let mut facts = Facts::default();
             if small || alpha && header.has_alpha {
-                facts.constant = constant(&decode_image(image, limit_pixels)?.texels);
+                let inputs = || {
+                    Inputs::new(Kind::ImageFacts, module_path!(), &image.name)
+                        .content("image", &image.bytes)
+                        .settings("limit", &limit_pixels)
+                };
+                facts.constant = session.fetch(inputs, || {
+                    Ok(constant(&decode_image(image, limit_pixels)?.texels))
+                })?;
             } else if !header.has_alpha {
                 facts.constant[3] = Some(u16::MAX);
             }
@@ -230,7 +238,7 @@ mod tests {
     }
 
     fn folded(mut scene: Scene) -> Material {
-        fold(&mut scene, 1 << 20).expect("images that decode");
+        fold(&mut scene, 1 << 20, &Session::off()).expect("images that decode");
         scene.materials.remove(0)
     }
 

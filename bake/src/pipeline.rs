@@ -98,7 +98,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         .transpose()?;
     clock.lap("import");
 
-    constants::fold(&mut scene, options.limit_pixels)?;
+    constants::fold(&mut scene, options.limit_pixels, &session)?;
     clock.lap("constants");
 
     let mut prepared = prepare_cached(&mut scene, &session, &|fraction| {

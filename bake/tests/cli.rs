@@ -45,7 +45,7 @@ fn a_bake_reports_as_text_and_as_json() {
     assert!(
         json["stages"]
             .as_array()
-            .is_some_and(|stages| stages.len() == 6),
+            .is_some_and(|stages| stages.len() == 7),
         "{json}"
     );
     assert_eq!(

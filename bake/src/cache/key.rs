@@ -13,6 +13,8 @@ const DOMAIN: &str = "cairn cache 1";
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
+    /// Which channels of an image are constant.
+    ImageFacts,
     Texture,
     Geometry,
     EmissivePowers,
@@ -26,6 +28,7 @@ impl Kind {
     /// As messages and JSON have it.
     pub fn name(self) -> &'static str {
         match self {
+            Self::ImageFacts => "image-facts",
             Self::Texture => "texture",
             Self::Geometry => "geometry",
             Self::EmissivePowers => "emissive-powers",
