@@ -115,6 +115,9 @@ pub(crate) fn unpack_rgb9e5(word: u32) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::environment::{
+        EnvironmentOptions, Equirect, SunMode, bake_environment, face_direction, texel_at,
+    };
 
     #[test]
     fn shared_exponents_round_to_half_a_step() {
@@ -143,6 +146,69 @@ mod tests {
             assert_eq!(bytes.len() as u64, expected);
             let relative = (error / scale).sqrt();
             assert!(relative < bound && relative > 0.0, "{format:?}: {relative}");
+        }
+    }
+
+    /// Root mean square steps between neighbouring texels: inside faces, and across their edges.
+    fn steps(texels: &[[f32; 3]], side: usize) -> [f64; 2] {
+        let mut sums = [[0.0; 2]; 2];
+        for index in 0..texels.len() {
+            let (face, x, y) = (index / (side * side), index % side, index / side % side);
+            for (dx, dy) in [(1, 0), (0, 1), (-1, 0), (0, -1)] {
+                let coordinate = |at: i64| {
+                    let at = (2.0 * at as f64 + 1.0) / side as f64 - 1.0;
+                    // Just beyond the edge, where the border of the next face lies.
+                    at.clamp(-1.0 - 1e-6, 1.0 + 1e-6)
+                };
+                let (s, t) = (coordinate(x as i64 + dx), coordinate(y as i64 + dy));
+                let across = usize::from(s.abs() > 1.0 || t.abs() > 1.0);
+                let direction = glam::DVec3::from(face_direction(face, s, t));
+                let next = texels[texel_at(direction, side as u32)];
+                let pairs = texels[index].iter().zip(next);
+                let squared: f64 = pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum();
+                sums[across][0] += squared;
+                sums[across][1] += 1.0;
+            }
+        }
+        sums.map(|[sum, count]: [f64; 2]| (sum / count).sqrt())
+    }
+
+    /// Blocks end at the edges of faces, as they do within them: an edge is no rougher for it.
+    #[test]
+    fn edges_of_compressed_cubes_are_as_even_as_faces() {
+        let (width, height) = (256_u32, 128_u32);
+        let texels = (0..width * height).map(|index| {
+            let u = f64::from(index % width) / f64::from(width) * std::f64::consts::TAU;
+            let v = f64::from(index / width) / f64::from(height) * std::f64::consts::PI;
+            let wave = 1.0 + 0.5 * (3.0 * u).sin() * v.sin() + 0.3 * (5.0 * v).cos();
+            [
+                wave as f32,
+                (0.5 * wave) as f32,
+                0.7 + 0.2 * (2.0 * u).cos() as f32,
+            ]
+        });
+        let map = Equirect {
+            width,
+            height,
+            texels: texels.collect(),
+        };
+        let options = EnvironmentOptions {
+            sky_size: Some(64),
+            prefiltered_size: 32,
+            probes: 0,
+            sun: SunMode::Keep,
+            ..EnvironmentOptions::default()
+        };
+        let products = bake_environment(map, &options, &|_, _| {});
+        for (cube, level) in [(&products.sky, 0), (&products.prefiltered, 1)] {
+            let (texels, side) = (&cube.levels[level], cube.level_size(level) as usize);
+            let [inside, across] = steps(texels, side);
+            let [stored_inside, stored_across] = steps(&encode_bc6h(texels, side).1, side);
+            eprintln!(
+                "{side}: {across:.2e} across edges, {inside:.2e} inside; \
+                 BC6H {stored_across:.2e}, {stored_inside:.2e}"
+            );
+            assert!(across <= inside && stored_across <= stored_inside, "{side}");
         }
     }
 }

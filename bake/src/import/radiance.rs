@@ -24,35 +24,91 @@ pub(super) fn is_radiance(bytes: &[u8]) -> bool {
     bytes.starts_with(b"#?")
 }
 
-/// Decodes flat, old and new run-length-encoded scanlines. Values are `mantissa * 2^(e - 136)`.
+/// Decodes flat, old and new run-length-encoded scanlines, in any of the eight orientations. Values are
+/// `mantissa * 2^(e - 136)` over the product of every `EXPOSURE` and `COLORCORR`, which the file was multiplied with.
 /// Memory grows with the scanlines really present.
 ///
 /// # Errors
-/// A broken or cut file, XYZE colours, an orientation other than `-Y +X`, or more than
-/// `limit_pixels` pixels.
+/// A broken or cut file, XYZE colours, or more than `limit_pixels` pixels.
 pub(super) fn decode(bytes: &[u8], limit_pixels: u64) -> Result<Picture, Fault> {
     let mut reader = Reader { bytes, offset: 0 };
-    let ignored = header(&mut reader)?;
-    let (width, height) = resolution(&mut reader)?;
-    let pixels = u64::from(width) * u64::from(height);
+    let header = header(&mut reader)?;
+    let layout = resolution(&mut reader)?;
+    let pixels = u64::from(layout.lines) * u64::from(layout.length);
     if pixels == 0 || pixels > limit_pixels {
         let message = format!(
-            "{width}x{height} pixels are not within 1 and the limit of {limit_pixels}; resize it"
+            "{}x{} pixels are not within 1 and the limit of {limit_pixels}; resize it",
+            layout.length, layout.lines
         );
         return reader.fault(message);
     }
-    let mut scanline = vec![[0; 4]; width as usize];
+    let mut scanline = vec![[0; 4]; layout.length as usize];
     let mut texels = Vec::new();
-    for _ in 0..height {
+    for _ in 0..layout.lines {
         read_scanline(&mut reader, &mut scanline)?;
-        texels.extend(scanline.iter().map(|&rgbe| linear(rgbe)));
+        texels.extend(scanline.iter().map(|&rgbe| {
+            let [r, g, b] = linear(rgbe);
+            [
+                r / header.scale[0],
+                g / header.scale[1],
+                b / header.scale[2],
+            ]
+        }));
     }
+    let (width, height) = layout.size();
     Ok(Picture {
         width,
         height,
-        texels,
-        ignored,
+        texels: layout.upright(texels),
+        ignored: header.ignored,
     })
+}
+
+/// The order of the scanlines and of the pixels within them.
+#[derive(Clone, Copy)]
+struct Layout {
+    lines: u32,
+    /// Pixels of a scanline.
+    length: u32,
+    /// Scanlines are columns.
+    columns: bool,
+    /// The picture's bottom comes first, its right end comes first.
+    from_bottom: bool,
+    from_right: bool,
+}
+
+impl Layout {
+    /// Width and height.
+    fn size(self) -> (u32, u32) {
+        if self.columns {
+            (self.lines, self.length)
+        } else {
+            (self.length, self.lines)
+        }
+    }
+
+    /// Pixels in the order of the file, to rows from the top.
+    fn upright(self, texels: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
+        if !(self.columns || self.from_bottom || self.from_right) {
+            return texels;
+        }
+        let (width, height) = self.size();
+        let (width, height) = (width as usize, height as usize);
+        let source = |index: usize| {
+            let (mut x, mut y) = (index % width, index / width);
+            if self.from_right {
+                x = width - 1 - x;
+            }
+            if self.from_bottom {
+                y = height - 1 - y;
+            }
+            let (line, at) = if self.columns { (x, y) } else { (y, x) };
+            line * self.length as usize + at
+        };
+        (0..texels.len())
+            .map(|index| texels[source(index)])
+            .collect()
+    }
 }
 
 struct Reader<'a> {
@@ -93,13 +149,24 @@ impl Reader<'_> {
     }
 }
 
-/// Reads the header up to its empty line; returns the entries that are not applied.
-fn header(reader: &mut Reader<'_>) -> Result<Vec<String>, Fault> {
-    let mut ignored = Vec::new();
+/// What the header says of the values.
+struct Header {
+    /// What each channel was multiplied with.
+    scale: [f32; 3],
+    /// Entries that change the meaning of the values and are not applied.
+    ignored: Vec<String>,
+}
+
+/// Reads the header up to its empty line. Entries may be repeated; their factors multiply.
+fn header(reader: &mut Reader<'_>) -> Result<Header, Fault> {
+    let mut header = Header {
+        scale: [1.0; 3],
+        ignored: Vec::new(),
+    };
     loop {
         let line = reader.line()?;
         if line.is_empty() {
-            return Ok(ignored);
+            return Ok(header);
         }
         let Some((key, value)) = line.split_once('=') else {
             continue;
@@ -111,37 +178,65 @@ fn header(reader: &mut Reader<'_>) -> Result<Vec<String>, Fault> {
                     format!("the format {format} is not supported; save it as 32-bit_rle_rgbe");
                 return reader.fault(message);
             }
-            ("EXPOSURE" | "COLORCORR", value)
-                if value
+            ("EXPOSURE" | "COLORCORR", value) => {
+                let factors: Vec<f32> = value
                     .split_whitespace()
-                    .any(|number| number.parse() != Ok(1.0)) =>
-            {
-                ignored.push(line);
+                    .filter_map(|number| number.parse().ok())
+                    .collect();
+                let factors = match factors[..] {
+                    [all] => [all; 3],
+                    [r, g, b] => [r, g, b],
+                    _ => [f32::NAN; 3],
+                };
+                for (scale, factor) in header.scale.iter_mut().zip(factors) {
+                    *scale *= factor;
+                }
+                if !header
+                    .scale
+                    .iter()
+                    .all(|scale| scale.is_normal() && *scale > 0.0)
+                {
+                    let message = format!("`{line}` holds no positive factors; save it again");
+                    return reader.fault(message);
+                }
             }
+            ("GAMMA", value) if value.parse() != Ok(1.0_f32) => header.ignored.push(line),
             _ => {}
         }
     }
 }
 
-/// Reads the resolution line: width, height.
-fn resolution(reader: &mut Reader<'_>) -> Result<(u32, u32), Fault> {
+/// Reads the resolution line.
+fn resolution(reader: &mut Reader<'_>) -> Result<Layout, Fault> {
     let line = reader.line()?;
     let words: Vec<&str> = line.split_whitespace().collect();
     let number = |text: &str| text.parse::<u32>().ok();
-    match words[..] {
-        ["-Y", height, "+X", width] => match (number(width), number(height)) {
-            (Some(width), Some(height)) => Ok((width, height)),
-            _ => reader.fault(format!(
-                "the size `{line}` is no pair of numbers; save it again"
-            )),
-        },
-        ["-Y" | "+Y" | "-X" | "+X", _, "-Y" | "+Y" | "-X" | "+X", _] => reader.fault(format!(
-            "the orientation `{line}` is not supported; save it as `-Y height +X width`"
-        )),
-        _ => reader.fault(format!(
+    let [first, lines, second, length] = words[..] else {
+        return reader.fault(format!(
             "`{line}` is no resolution line; save the file again"
-        )),
-    }
+        ));
+    };
+    let (Some(lines), Some(length)) = (number(lines), number(length)) else {
+        return reader.fault(format!(
+            "the size `{line}` is no pair of numbers; save it again"
+        ));
+    };
+    let (columns, y, x) = match (first, second) {
+        ("-Y" | "+Y", "-X" | "+X") => (false, first, second),
+        ("-X" | "+X", "-Y" | "+Y") => (true, second, first),
+        _ => {
+            return reader.fault(format!(
+                "`{line}` is no resolution line; save the file again"
+            ));
+        }
+    };
+    Ok(Layout {
+        lines,
+        length,
+        columns,
+        from_bottom: y == "+Y",
+        from_right: x == "-X",
+    })
 }
 
 fn read_scanline(reader: &mut Reader<'_>, scanline: &mut [[u8; 4]]) -> Result<(), Fault> {
@@ -299,8 +394,8 @@ mod tests {
     fn hostile_pictures_are_refused() {
         let endless = [[128, 0, 0, 129], [1, 1, 1, 0], [1, 1, 1, 0]].concat();
         for (size, data) in [
-            ("+Y 1 +X 1", &[0; 4][..]),
-            ("+X 1 -Y 1", &[0; 4]),
+            ("+Y 1 +Y 1", &[0; 4][..]),
+            ("+Z 1 -Y 1", &[0; 4]),
             ("-Y 0 +X 1", &[]),
             ("-Y 4294967295 +X 4294967295", &[]),
             ("-Y x +X 1", &[]),
@@ -320,9 +415,55 @@ mod tests {
         assert!(decode(xyze, 1).unwrap_err().message.contains("xyze"));
     }
 
+    /// Six pixels, brightest first: 6, 5, 4, 3, 2, 1.
+    fn six() -> Vec<u8> {
+        (1..7)
+            .rev()
+            .flat_map(|value| [value * 16, 0, 0, 132])
+            .collect()
+    }
+
     #[test]
-    fn exposure_is_reported() {
-        let bytes = b"#?RGBE\nEXPOSURE= 2.0\nGAMMA=1\n\n-Y 1 +X 1\n\x80\x80\x80\x81";
-        assert_eq!(decode(bytes, 1).unwrap().ignored, ["EXPOSURE= 2.0"]);
+    fn every_orientation_comes_upright() {
+        // Rows from the top, of a picture 3 wide and 2 high.
+        for (size, rows) in [
+            ("-Y 2 +X 3", [6, 5, 4, 3, 2, 1]),
+            ("-Y 2 -X 3", [4, 5, 6, 1, 2, 3]),
+            ("+Y 2 +X 3", [3, 2, 1, 6, 5, 4]),
+            ("+Y 2 -X 3", [1, 2, 3, 4, 5, 6]),
+            ("+X 3 -Y 2", [6, 4, 2, 5, 3, 1]),
+            ("+X 3 +Y 2", [5, 3, 1, 6, 4, 2]),
+            ("-X 3 -Y 2", [2, 4, 6, 1, 3, 5]),
+            ("-X 3 +Y 2", [1, 3, 5, 2, 4, 6]),
+        ] {
+            let decoded = decode(&picture(size, &six()), 6).unwrap();
+            assert_eq!((decoded.width, decoded.height), (3, 2), "{size}");
+            let found: Vec<f32> = decoded.texels.iter().map(|texel| texel[0]).collect();
+            assert_eq!(found, rows.map(|value: u8| f32::from(value)), "{size}");
+        }
+    }
+
+    #[test]
+    fn exposures_and_corrections_are_taken_out() {
+        let decoded = |head: &str| {
+            let bytes = format!("#?RGBE\n{head}\n\n-Y 1 +X 1\n");
+            decode(&[bytes.as_bytes(), &[128, 128, 128, 129]].concat(), 1)
+        };
+        let texel = |head: &str| decoded(head).unwrap().texels[0];
+        assert_eq!(texel("EXPOSURE= 2.0"), [0.5; 3]);
+        assert_eq!(texel("EXPOSURE=2\nEXPOSURE=0.25"), [2.0; 3]);
+        assert_eq!(texel("COLORCORR=1 2 4\nEXPOSURE=0.5"), [2.0, 1.0, 0.5]);
+        assert_eq!(decoded("GAMMA=1").unwrap().ignored, Vec::<String>::new());
+        assert_eq!(decoded("GAMMA=2.2").unwrap().ignored, ["GAMMA=2.2"]);
+        for broken in [
+            "EXPOSURE=0",
+            "EXPOSURE=-1",
+            "EXPOSURE=x",
+            "EXPOSURE=nan",
+            "COLORCORR=1 2",
+            "EXPOSURE=1e-30\nEXPOSURE=1e-30",
+        ] {
+            assert!(decoded(broken).is_err(), "{broken}");
+        }
     }
 }

@@ -82,8 +82,7 @@ fn decades(values: impl Iterator<Item = f64>) -> [i32; 2] {
 }
 
 fn legend(out: &mut String) -> std::fmt::Result {
-    for (at, (name, color)) in COLORS.iter().enumerate() {
-        let x = 60 + 120 * at;
+    for ((name, color), x) in COLORS.iter().zip([60, 118, 206, 270]) {
         writeln!(
             out,
             "<circle cx=\"{x}\" cy=\"14\" r=\"4\" fill=\"{color}\"/><text x=\"{}\" y=\"18\">{name}</text>",
@@ -127,11 +126,16 @@ fn panel(out: &mut String, sky: &Sky, axes: &Axes, corner: [f64; 2]) -> std::fmt
             points.join(" ")
         )?;
         for (row, [x, y]) in rows.iter().zip(&places) {
+            let (offset, anchor) = if *x > 0.7 * PANEL[0] {
+                (-6.0, "end")
+            } else {
+                (6.0, "start")
+            };
             writeln!(
                 out,
                 "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"{color}\"/>\
-                 <text x=\"{:.1}\" y=\"{:.1}\" fill=\"{color}\">{}</text>",
-                x + 6.0,
+                 <text x=\"{:.1}\" y=\"{:.1}\" fill=\"{color}\" text-anchor=\"{anchor}\">{}</text>",
+                x + offset,
                 y - 5.0,
                 escape(&row.setting)
             )?;
