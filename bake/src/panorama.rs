@@ -159,10 +159,10 @@ pub fn store_lut(texels: &mut Texels, sheen: bool, session: &Session) -> Result<
 mod tests {
     use super::*;
 
-    /// A Radiance file of 8 x 4 texels, one of them bright; its header has an entry that is warned of.
+    /// A Radiance file of 8 x 5 texels, one of them bright; its shape is warned of.
     fn write_panorama(path: &Path) {
-        let mut bytes = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\n\n-Y 4 +X 8\n".to_vec();
-        for texel in 0..32u8 {
+        let mut bytes = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 5 +X 8\n".to_vec();
+        for texel in 0..40u8 {
             bytes.extend([100, 90, texel, if texel == 9 { 140 } else { 128 }]);
         }
         std::fs::write(path, bytes).expect("written");

@@ -58,8 +58,17 @@ pub(super) fn build_all(
             let places: Vec<usize> = group.jobs.iter().map(|(place, _)| *place).collect();
             let uses = uses(scene, &group);
             let inputs = inputs(session, &group, &uses);
-            let built = session.fetch(|| inputs, || Ok(make(group, &uses)))?;
-            count(share);
+            let mut made = false;
+            let built = session.fetch(
+                || inputs,
+                || {
+                    made = true;
+                    Ok(make(group, &uses, &count))
+                },
+            )?;
+            if !made {
+                count(share);
+            }
             Ok(places.into_iter().zip(built.0).collect())
         })
         .collect();
@@ -102,11 +111,17 @@ fn uses(scene: &Scene, group: &Group) -> Vec<MaterialUse> {
         .collect()
 }
 
-fn make(group: Group, uses: &[MaterialUse]) -> BuiltGroup {
+/// Builds a group; `done` hears of each job's corners, which its primitive takes along.
+fn make(group: Group, uses: &[MaterialUse], done: &(dyn Fn(u64) + Sync)) -> BuiltGroup {
     let jobs = group.jobs.into_par_iter().zip(uses);
     BuiltGroup(
-        jobs.map(|((_, job), uses)| primitive::build(job.primitive, uses, job.policy))
-            .collect(),
+        jobs.map(|((_, job), uses)| {
+            let corners = job.primitive.indices.len() as u64;
+            let built = primitive::build(job.primitive, uses, job.policy);
+            done(corners);
+            built
+        })
+        .collect(),
     )
 }
 
