@@ -14,7 +14,7 @@ pub const MIN_LIGHT_ROUGHNESS: f32 = 0.045;
 
 /// Texture coordinates of a lookup, texel centres at `(i + 0.5) / size`.
 ///
-/// The GLSL function of the same name is [`GLSL`].
+/// The GLSL function of the same name is generated beside the records.
 pub fn brdf_table_uv(n_dot_v: f64, roughness: f64) -> [f64; 2] {
     let least = f64::from(MIN_LIGHT_ROUGHNESS);
     let along = [

@@ -111,6 +111,7 @@ fn image(data: &[u8]) -> Verdict {
             file: "scene.gltf".into(),
             pointer: "/images/0".into(),
         },
+        ..Image::default()
     };
     judged(decode_image(&image, LIMIT_PIXELS))
 }
