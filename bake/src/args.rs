@@ -158,6 +158,7 @@ impl Settings {
     pub fn sky_format(&self) -> SkyFormat {
         self.sky_format.unwrap_or(match self.target {
             Target::Desktop => SkyFormat::default(),
+            Target::Uncompressed => SkyFormat::Rgba16f,
             Target::Portable => SkyFormat::Rgb9e5,
         })
     }

@@ -243,9 +243,12 @@ group! {
         /// Samples per pixel in a frame.
         samples_per_frame: u32 = 1, Integer(1, 1024);
         /// Where sample coordinates come from.
-        sampler: PathSampler = PathSampler::BlueNoise, Choice(PathSampler::CHOICES);
+        sampler: PathSampler = PathSampler::Owen, Choice(PathSampler::CHOICES);
         /// Seed of the samples.
         seed: u32 = 0, Integer(0, 0x7fff_ffff);
+        /// Camera rays pass single-sided surfaces from behind, as raster shows it; otherwise they end there, in black, as
+        /// in renderers that cull nothing.
+        see_through: bool = true, Switch;
         /// Texture levels follow the width of rays; otherwise the finest is read.
         lod: bool = true, Switch;
         /// Meshes share one acceleration structure where that copies few triangles. Read when a scene is opened.

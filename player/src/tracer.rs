@@ -473,6 +473,7 @@ fn variant(
         sampler: settings.path.sampler,
         sampled_only: false,
         rays_twice: false,
+        see_through: settings.path.see_through,
     })
 }
 

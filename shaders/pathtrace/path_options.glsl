@@ -33,5 +33,7 @@ layout(constant_id = 43) const bool HAS_LOD = true;
 layout(constant_id = 44) const bool HAS_UNLIT = true;
 // Every ray is traced twice, with the same result: what that adds to the time is the time of rays.
 layout(constant_id = 45) const bool RAYS_TWICE = false;
+// Camera rays pass single-sided surfaces from behind; otherwise those are black walls to them too.
+layout(constant_id = 46) const bool SEE_THROUGH = true;
 
 #endif

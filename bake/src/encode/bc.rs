@@ -63,6 +63,36 @@ pub(super) fn decode_block(format: TextureFormat, bytes: &[u8]) -> Block {
     }
 }
 
+/// The 4x4 texels at `[column, row]` of a level without blocks; beyond the edge they are 0.
+///
+/// # Panics
+/// If `format` is not one of 8 or 16 bits a channel.
+pub(super) fn decode_plain(
+    format: TextureFormat,
+    level: &[u8],
+    [width, height]: [usize; 2],
+    [column, row]: [usize; 2],
+) -> Block {
+    let bytes = format.block_bytes() as usize;
+    std::array::from_fn(|texel| {
+        let (x, y) = (column * 4 + texel % 4, row * 4 + texel / 4);
+        if x >= width || y >= height {
+            return [0.0; 4];
+        }
+        let texel = &level[(y * width + x) * bytes..][..bytes];
+        match format {
+            TextureFormat::Rgba8Srgb | TextureFormat::Rgba8Unorm => {
+                std::array::from_fn(|channel| f32::from(texel[channel]) / 255.0)
+            }
+            TextureFormat::Rgba16Unorm => std::array::from_fn(|channel| {
+                let code = u16::from_le_bytes([texel[2 * channel], texel[2 * channel + 1]]);
+                f32::from(code) / 65535.0
+            }),
+            _ => unreachable!("{format:?} is not a format of this stage"),
+        }
+    })
+}
+
 /// Decodes one BC7 block to RGBA codes.
 pub(super) fn decode_bc7(bytes: &[u8]) -> [[u8; 4]; 16] {
     let mut codes = [[0_u8; 4]; 16];
@@ -79,13 +109,16 @@ fn decode_uastc(format: TextureFormat, bytes: &[u8]) -> [[u8; 4]; 16] {
         .map(|texel| texel.c)
 }
 
-/// The alpha codes of a BC7 or UASTC level, row by row.
+/// The alpha codes of a level of BC7, UASTC or 8-bit texels, row by row.
 pub(super) fn decode_alpha(
     format: TextureFormat,
     level: &[u8],
     width: u32,
     height: u32,
 ) -> Vec<u8> {
+    if format.block_extent() == 1 {
+        return level.iter().skip(3).step_by(4).copied().collect();
+    }
     let (width, height) = (width as usize, height as usize);
     let mut alpha = vec![0_u8; width * height];
     let blocks_across = width.div_ceil(4);

@@ -21,6 +21,8 @@ pub enum Codec {
     Bc4,
     /// Universal blocks: four channels, or luminance and alpha of what has one or two, from f32.
     Uastc { quality: Quality },
+    /// No blocks: the codes as they are, normals in 16 bits.
+    Plain,
 }
 
 impl Codec {
@@ -32,6 +34,9 @@ impl Codec {
             }
             TextureFormat::Bc5Unorm => vec![Self::Bc5],
             TextureFormat::Bc4Unorm => vec![Self::Bc4],
+            TextureFormat::Rgba8Srgb | TextureFormat::Rgba8Unorm | TextureFormat::Rgba16Unorm => {
+                vec![Self::Plain]
+            }
             _ => Quality::ALL
                 .map(|quality| Self::Bc7 { quality, kernels })
                 .to_vec(),
@@ -60,7 +65,7 @@ impl Codec {
             } => quality.name().into(),
             Self::Bc7 { quality, .. } => format!("{} native", quality.name()),
             Self::Uastc { quality } => quality.name().into(),
-            Self::Bc5 | Self::Bc4 => String::new(),
+            Self::Bc5 | Self::Bc4 | Self::Plain => String::new(),
         }
     }
 
@@ -68,12 +73,16 @@ impl Codec {
         match self {
             Self::Bc7 { .. } | Self::Bc5 | Self::Uastc { .. } => 16,
             Self::Bc4 => 8,
+            Self::Plain => unreachable!(),
         }
     }
 
     /// Compresses an image, blocks in rows; blocks across the edge repeat the last row and column. The bytes do not
     /// depend on the number of threads.
     pub(super) fn compress(self, role: Role, image: &Image) -> Vec<u8> {
+        if self == Self::Plain {
+            return plain(role, image);
+        }
         let count = image.blocks_across() * image.height.div_ceil(4) as usize;
         let bytes = self.block_bytes();
         let mut out = vec![0_u8; count * bytes];
@@ -83,7 +92,7 @@ impl Codec {
         out
     }
 
-    /// Blocks from `first` on, `BLOCKS_PER_CALL` at most.
+    /// Blocks of an encoder from `first` on, `BLOCKS_PER_CALL` at most.
     fn run(self, role: Role, image: &Image, first: usize, out: &mut [u8]) {
         let count = out.len() / self.block_bytes();
         match self {
@@ -120,8 +129,19 @@ impl Codec {
                     *out = uastc::compress_block(&texels, true, search);
                 }
             }
+            Self::Plain => unreachable!("texels are no blocks"),
         }
     }
+}
+
+/// The texels of a level, row by row.
+fn plain(role: Role, image: &Image) -> Vec<u8> {
+    if role != Role::Normal {
+        return image.codes.as_flattened().to_vec();
+    }
+    let wide = image.exact.iter().flat_map(|&texel| role.stored(texel));
+    wide.flat_map(|value| ((value * 65535.0 + 0.5) as u16).to_le_bytes())
+        .collect()
 }
 
 /// A block in the channels that universal blocks store, 0 to 255. Colour and data keep the codes, whose alpha may
@@ -175,6 +195,41 @@ mod tests {
         let all = Codec::allowed(Role::Data, &options);
         let settings: Vec<String> = all.into_iter().map(Codec::setting).collect();
         assert_eq!(settings, ["fast native", "default native", "best native"]);
+    }
+
+    #[test]
+    fn uncompressed_texels_lose_rounding_alone() {
+        let exact: Vec<[f32; 4]> = (0..35)
+            .map(|index| [0.3 * (index as f32 * 0.7).sin(), 0.2, 0.9, 1.0])
+            .collect();
+        let image = Image {
+            width: 7,
+            height: 5,
+            codes: &[],
+            exact: &exact,
+        };
+        let format = Role::Normal.format(Target::Uncompressed);
+        let level = Codec::Plain.compress(Role::Normal, &image);
+        assert_eq!(level.len() as u64, format.level_bytes(7, 5));
+        let block = crate::encode::bc::decode_plain(format, &level, [7, 5], [1, 1]);
+        for (texel, [x, y, ..]) in block.into_iter().enumerate() {
+            let (column, row) = (4 + texel % 4, 4 + texel / 4);
+            if column >= 7 || row >= 5 {
+                assert_eq!([x, y], [0.0; 2]);
+                continue;
+            }
+            let [expected_x, expected_y, ..] = Role::Normal.stored(exact[row * 7 + column]);
+            assert!((x - expected_x).abs() < 1e-5 && (y - expected_y).abs() < 1e-5);
+        }
+        let codes = [[1, 2, 3, 4], [250, 0, 9, 255]];
+        let image = Image {
+            width: 2,
+            height: 1,
+            codes: &codes,
+            exact: &[],
+        };
+        let level = Codec::Plain.compress(Role::Color, &image);
+        assert_eq!(level, codes.as_flattened());
     }
 
     #[test]

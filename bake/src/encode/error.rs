@@ -54,12 +54,10 @@ struct BlockError {
 
 impl<F: Fn(usize) -> [f32; 4] + Sync> Level<'_, F> {
     pub fn measure(&self) -> LevelError {
-        let across = self.width.div_ceil(4) as usize;
-        let blocks: Vec<BlockError> = self
-            .blocks
-            .par_chunks_exact(self.role.format(self.target).block_bytes() as usize)
-            .enumerate()
-            .map(|(index, bytes)| self.measure_block([index % across, index / across], bytes))
+        let [across, down] = [self.width, self.height].map(|size| size.div_ceil(4) as usize);
+        let blocks: Vec<BlockError> = (0..across * down)
+            .into_par_iter()
+            .map(|index| self.measure_block(index, [index % across, index / across]))
             .collect();
         let texels: usize = blocks.iter().map(|block| block.texels).sum();
         let stored: f64 = blocks.iter().map(|block| block.stored).sum();
@@ -80,8 +78,18 @@ impl<F: Fn(usize) -> [f32; 4] + Sync> Level<'_, F> {
         }
     }
 
-    fn measure_block(&self, block: [usize; 2], bytes: &[u8]) -> BlockError {
-        let decoded = bc::decode_block(self.role.format(self.target), bytes);
+    fn decode(&self, index: usize, block: [usize; 2]) -> bc::Block {
+        let format = self.role.format(self.target);
+        if format.block_extent() == 1 {
+            let size = [self.width as usize, self.height as usize];
+            return bc::decode_plain(format, self.blocks, size, block);
+        }
+        let bytes = format.block_bytes() as usize;
+        bc::decode_block(format, &self.blocks[index * bytes..][..bytes])
+    }
+
+    fn measure_block(&self, index: usize, block: [usize; 2]) -> BlockError {
+        let decoded = self.decode(index, block);
         let [first, second] = self.role.pair_channels(self.target);
         let mut error = BlockError {
             texels: 0,

@@ -45,6 +45,11 @@ impl Role {
             (Target::Desktop, Self::Data) => TextureFormat::Bc7Unorm,
             (Target::Desktop, Self::Pair | Self::Normal) => TextureFormat::Bc5Unorm,
             (Target::Desktop, Self::Single) => TextureFormat::Bc4Unorm,
+            (Target::Uncompressed, Self::Color) => TextureFormat::Rgba8Srgb,
+            (Target::Uncompressed, Self::Data | Self::Pair | Self::Single) => {
+                TextureFormat::Rgba8Unorm
+            }
+            (Target::Uncompressed, Self::Normal) => TextureFormat::Rgba16Unorm,
             (Target::Portable, Self::Color) => TextureFormat::UastcSrgb,
             (Target::Portable, _) => TextureFormat::UastcUnorm,
         }

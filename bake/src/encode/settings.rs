@@ -147,6 +147,20 @@ pub enum Target {
     Desktop,
     /// Any GPU: UASTC, which the player transcodes while it loads.
     Portable,
+    /// No block compression: 8 bits a channel, 16 for normals. Four to eight times the bytes, for pictures that serve as
+    /// references.
+    Uncompressed,
+}
+
+impl Target {
+    /// As the command line has it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Desktop => "desktop",
+            Self::Portable => "portable",
+            Self::Uncompressed => "uncompressed",
+        }
+    }
 }
 
 /// Settings of `encode`; all of them, the role and the source decide the bytes.
@@ -167,8 +181,8 @@ impl EncodeOptions {
             ("texture-quality", self.effort.to_string()),
             ("mip-filter", self.filter.name().into()),
         ];
-        if self.target == Target::Portable {
-            settings.push(("target", "portable".into()));
+        if self.target != Target::Desktop {
+            settings.push(("target", self.target.name().into()));
         }
         if self.kernels == Kernels::Native {
             settings.push(("native-isa", native_isa().into()));

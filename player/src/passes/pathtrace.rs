@@ -53,6 +53,8 @@ pub struct TraceVariant {
     pub sampled_only: bool,
     /// Every ray is traced twice.
     pub rays_twice: bool,
+    /// Camera rays pass single-sided surfaces from behind.
+    pub see_through: bool,
 }
 
 impl TraceVariant {
@@ -77,6 +79,7 @@ impl TraceVariant {
             (43, u32::from(self.lod)),
             (44, u32::from(self.unlit)),
             (45, u32::from(self.rays_twice)),
+            (46, u32::from(self.see_through)),
         ];
         self.surfaces
             .traced_constants()
