@@ -339,11 +339,11 @@ fn killed_bakes_leave_nothing_half_written() {
     let old = b"an older package".to_vec();
     let (mut untouched, mut finished) = (0, 0);
     for round in 0..20 {
-        if round % 4 == 0 {
-            // A cold cache every few rounds; in between it is as the killed left it.
+        if round % 2 == 0 {
+            // A cold cache every other round; in between it is as the killed left it.
             let _ = std::fs::remove_dir_all(bench.path("cache"));
-            std::fs::write(bench.path("out.cairn"), &old).expect("written");
         }
+        std::fs::write(bench.path("out.cairn"), &old).expect("written");
         let mut bake = bench
             .command("out.cairn", &["--quiet"])
             .spawn()
@@ -364,7 +364,7 @@ fn killed_bakes_leave_nothing_half_written() {
         }) += 1;
         assert_eq!(bench.check()[1], 0, "round {round}: a damaged entry");
     }
-    assert!(untouched > 3 && finished > 3, "{untouched} {finished}");
+    assert!(untouched > 0 && finished > 0, "{untouched} {finished}");
     // The next bake removes what the dead left, once it is old enough to be nobody's.
     for path in bench.leftovers() {
         let file = std::fs::File::options()

@@ -293,6 +293,7 @@ impl Session {
         summary: &mut Summary,
     ) {
         let Some(store) = self.store else { return };
+        store.sweep();
         let mut state = self
             .state
             .into_inner()

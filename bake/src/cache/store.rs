@@ -139,6 +139,11 @@ impl Store {
         temporary.publish(path)
     }
 
+    /// Removes what dead processes left; returns how many files.
+    pub fn sweep(&self) -> u64 {
+        temporary::sweep(&self.workshop())
+    }
+
     fn workshop(&self) -> PathBuf {
         self.root.join("temporary")
     }
@@ -169,7 +174,7 @@ impl Store {
         items.sort_by(|a, b| (a.used, &a.path).cmp(&(b.used, &b.path)));
         let mut left: u64 = items.iter().map(|item| item.bytes).sum();
         let mut collected = Collected {
-            temporary: temporary::sweep(&self.workshop()),
+            temporary: self.sweep(),
             ..Collected::default()
         };
         for item in items {

@@ -207,6 +207,7 @@ mod tests {
             height: 5,
             codes: &[],
             exact: &exact,
+            alpha_is_read: false,
         };
         let format = Role::Normal.format(Target::Uncompressed);
         let level = Codec::Plain.compress(Role::Normal, &image);
@@ -227,6 +228,7 @@ mod tests {
             height: 1,
             codes: &codes,
             exact: &[],
+            alpha_is_read: true,
         };
         let level = Codec::Plain.compress(Role::Color, &image);
         assert_eq!(level, codes.as_flattened());

@@ -168,22 +168,12 @@ fn diagnostic(error: &BakeError) -> Diagnostic {
 }
 
 /// Conforming scenes that are refused, with the code and a word of the message.
-const REFUSED: [(&str, &str, &str); 4] = [
+const REFUSED: [(&str, &str, &str); 2] = [
     ("Compatibility_04.gltf", "gltf-version", "2.1"),
     (
         "Compatibility_05.gltf",
         "extension-required",
         "FAKE_materials_quantumRendering",
-    ),
-    (
-        "areas-compressed.glb",
-        "extension-required",
-        "KHR_texture_basisu",
-    ),
-    (
-        "chevrolet.optimized.glb",
-        "extension-required",
-        "EXT_texture_webp",
     ),
 ];
 

@@ -102,6 +102,7 @@ fn surfaces_hold_the_stored_blocks() {
         let expected = match image.format.native() {
             TextureFormat::Bc7Srgb => ddsfile::DxgiFormat::BC7_UNorm_sRGB,
             TextureFormat::Bc7Unorm => ddsfile::DxgiFormat::BC7_UNorm,
+            TextureFormat::Bc4Unorm => ddsfile::DxgiFormat::BC4_UNorm,
             TextureFormat::Bc5Unorm => ddsfile::DxgiFormat::BC5_UNorm,
             TextureFormat::Rgba16Float => ddsfile::DxgiFormat::R16G16B16A16_Float,
             other => panic!("{other:?} in this scene"),
@@ -141,6 +142,7 @@ fn surfaces_hold_the_stored_blocks() {
             TextureFormat::Rgba16Float => {
                 (ktx2::Format::R16G16B16A16_SFLOAT, ktx2::ColorModel::RGBSDA)
             }
+            TextureFormat::Bc4Unorm => (ktx2::Format::BC4_UNORM_BLOCK, ktx2::ColorModel::BC4),
             _ => (ktx2::Format::BC5_UNORM_BLOCK, ktx2::ColorModel::BC5),
         };
         assert_eq!(
