@@ -203,6 +203,8 @@ codes! {
         => EXPORT;
     Error "non-finite-light": "A light's place or direction is not finite."
         => EXPORT;
+    Error "non-finite-position": "A position is no finite number, so the triangle has no place."
+        => EXPORT;
     Error "non-finite-transform": "A transform is not finite, so what it moves has no place."
         => EXPORT;
     Error "not-gltf": "The file is something else than glTF."
@@ -230,6 +232,8 @@ codes! {
     Error "scene-too-large": "The scene decodes to more than any package can hold; a small file can name its data any number of times."
         => "Split the scene.";
     Warning "skin-attributes": "A skinned mesh lacks joints or weights, so its skin is not applied."
+        => EXPORT;
+    Error "skin-joint": "A joint number of a skinned vertex names no joint of its skin."
         => EXPORT;
     Error "skin-matrices": "A skin has another number of inverse bind matrices than of joints."
         => EXPORT;
