@@ -237,6 +237,7 @@ fn white_furnaces_close_for_all_materials() {
         .into_iter()
         .flat_map(|metallic| [0.0, 0.1, 0.25, 0.5, 0.75, 1.0].map(|rough| (metallic, rough)))
         .collect();
+    let mut worst = 0.0_f64;
     for degrees in [0.0, 40.0, 75.0] {
         // One row of squares, each a pixel and more: their borders are as white.
         let mut fixture = Fixture {
@@ -257,16 +258,14 @@ fn white_furnaces_close_for_all_materials() {
         let mut camera = super::at_angle(degrees);
         camera.projection = Projection::Orthographic { half_height: 18.0 };
         camera.up = Vec3::Y;
-        let image = trace(&gpu, &fixture, [4, 18], camera, traced(), &samples(1024));
+        let image = trace(&gpu, &fixture, [4, 18], camera, traced(), &samples(8192));
         let hdr = image.hdr.as_ref().expect("read back");
         for (row, texels) in hdr.chunks(4).enumerate() {
             let found: f64 = texels.iter().map(|texel| f64::from(texel[0])).sum::<f64>() / 4.0;
-            assert!(
-                (found - 1.0).abs() <= FURNACE,
-                "{:?} at {degrees} degrees: {found}",
-                patches[17 - row]
-            );
+            println!("{:?} at {degrees} degrees: {found}", patches[17 - row]);
+            worst = worst.max((found - 1.0).abs());
         }
     }
+    assert!(worst <= FURNACE, "{worst}");
     assert_eq!(gpu.close(), Vec::<String>::new());
 }
