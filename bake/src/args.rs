@@ -78,6 +78,10 @@ pub struct Settings {
     /// Images of more texels than this are refused.
     #[arg(long, value_name = "TEXELS", default_value_t = DEFAULT_LIMIT_PIXELS)]
     pub limit_pixels: u64,
+    /// Memory for the scene and its images, with K, M, G or T for powers of 1000: fewer images are decoded at a time to
+    /// stay within, and what cannot is refused.
+    #[arg(long, value_name = "SIZE", default_value = "16G", value_parser = crate::commands::cache::size)]
+    pub limit_memory: u64,
     /// Scenes of more triangles than this, each mesh counted once, are refused.
     #[arg(long, value_name = "TRIANGLES", default_value_t = DEFAULT_LIMIT_TRIANGLES)]
     pub limit_triangles: u64,
@@ -131,6 +135,7 @@ impl Settings {
             light: self.light(),
             sky_format: self.sky_format(),
             limit_pixels: self.limit_pixels,
+            limit_memory: self.limit_memory,
             rules: Rules {
                 allow_external: self.allow_external,
                 limit_triangles: self.limit_triangles,

@@ -177,6 +177,8 @@ codes! {
         => EXPORT;
     Warning "light-value": "The light's colour or intensity is negative or no number; it is left out or corrected."
         => "Correct the light in the scene's editor.";
+    Error "limit-memory": "The input takes more memory than `--limit-memory` allows."
+        => "Raise the limit, or make the input smaller.";
     Error "material-alpha-mode": "The alpha mode is none of OPAQUE, MASK and BLEND."
         => EXPORT;
     Warning "material-value": "A material's number lies outside its range and is clamped."

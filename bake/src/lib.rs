@@ -37,6 +37,7 @@ pub mod label;
 #[warn(missing_docs)]
 pub mod look;
 pub mod materials;
+pub mod memory;
 pub mod panorama;
 #[warn(missing_docs)]
 pub mod pipeline;

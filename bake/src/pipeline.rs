@@ -15,6 +15,7 @@ use crate::encode::{EncodeOptions, SkyFormat, Target};
 use crate::environment::EnvironmentOptions;
 use crate::import::{Rules, import_with};
 use crate::materials::{self, Plan};
+use crate::memory::DEFAULT_LIMIT_MEMORY;
 use crate::panorama::{self, Panorama};
 use crate::prepare::{Prepared, StepTime, prepare_cached};
 use crate::progress::Progress;
@@ -41,6 +42,8 @@ pub struct Options {
     pub sky_format: SkyFormat,
     /// Largest number of texels of one image.
     pub limit_pixels: u64,
+    /// Bytes of memory: images are decoded fewer at a time to stay within. It decides no bytes of the package.
+    pub limit_memory: u64,
     /// Files that the scene may name, and its most triangles.
     pub rules: Rules,
     /// Folder of the products of earlier bakes; `None` makes everything anew. It decides no bytes.
@@ -60,6 +63,7 @@ impl Options {
             light: EnvironmentOptions::default(),
             sky_format: SkyFormat::default(),
             limit_pixels: DEFAULT_LIMIT_PIXELS,
+            limit_memory: DEFAULT_LIMIT_MEMORY,
             rules: Rules::default(),
             cache: None,
             strict: Strict::No,
@@ -111,7 +115,10 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         &scene,
         &plan,
         &options.textures,
-        options.limit_pixels,
+        textures::Limits {
+            pixels: options.limit_pixels,
+            memory: options.limit_memory,
+        },
         &session,
         &|fraction| {
             progress.update("textures", fraction);

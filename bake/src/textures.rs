@@ -13,6 +13,7 @@ use crate::diagnostic::{Diagnostic, Result};
 use crate::encode::{EncodeOptions, EncodedTexture, Kernels, Role, TextureReport};
 use crate::import::decode_image;
 use crate::materials::{ImageUse, Plan};
+use crate::memory;
 use crate::report::Row;
 use crate::scene::Scene;
 
@@ -93,21 +94,30 @@ pub struct Encoded {
     pub of: Vec<usize>,
 }
 
-/// Encodes the plan's images, each on all cores that are free; as many are decoded at once as there are threads.
+/// Most texels of an image, and most bytes of a bake.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    pub pixels: u64,
+    pub memory: u64,
+}
+
+/// Encodes the plan's images, each on all cores that are free; as many are decoded at once as there are threads, or
+/// fewer where memory is limited.
 ///
 /// # Errors
-/// The first image, in plan order, that cannot be decoded.
+/// The first image, in plan order, that cannot be decoded, or that alone takes more memory than there is.
 pub fn encode_all(
     scene: &Scene,
     plan: &Plan,
     options: &EncodeOptions,
-    limit_pixels: u64,
+    limits: Limits,
     session: &Session,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<Encoded> {
+    let limit_pixels = limits.pixels;
     let jobs = jobs(plan);
     let done = AtomicUsize::new(0);
-    let results: Vec<Result<Vec<(Stored, u32)>>> = bounded::map(jobs.len(), |index| {
+    let encode = |index: usize| {
         let job = &jobs[index];
         let stored = session.fetch(
             || inputs(scene, plan, job, options, limit_pixels),
@@ -121,7 +131,21 @@ pub fn encode_all(
         let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
         progress(finished as f32 / jobs.len() as f32);
         Ok(stored)
+    };
+    let left = memory::left_for_images(scene, limits.memory)?;
+    let needed = jobs.iter().map(|job| {
+        let images = job.iter().map(|&index| plan.images[index as usize].image);
+        let needed =
+            images.map(|image| memory::of_image(&scene.images[image as usize], left, limit_pixels));
+        needed.sum::<Result<u64>>()
     });
+    let needed = needed.collect::<Result<Vec<u64>>>()?;
+    let mut results: Vec<Result<Vec<(Stored, u32)>>> = Vec::with_capacity(jobs.len());
+    for batch in memory::batches(&needed, rayon::current_num_threads(), left) {
+        results.extend(bounded::map(batch.len(), |index| {
+            encode(batch.start + index)
+        }));
+    }
     let mut encoded = Encoded {
         textures: Vec::new(),
         of: vec![0; plan.images.len()],

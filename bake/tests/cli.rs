@@ -358,3 +358,39 @@ fn warnings_stop_a_strict_bake() {
     let done = run(&["--strict=no-such-code"]);
     assert!(done.status.code() == Some(2) && text(&done.stderr).contains("docs/diagnostics.md"));
 }
+
+#[test]
+fn memory_may_be_limited() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = assets().join("hall/hall.gltf");
+    let [free, tight] = ["free.cairn", "tight.cairn"].map(|name| folder.path().join(name));
+    let run = |output: &Path, limit: &str| {
+        let flags = [
+            "--cache",
+            "off",
+            "--texture-quality",
+            "fast",
+            "--limit-memory",
+            limit,
+        ];
+        bake(&[&[path(&scene), "-o", path(output)], &flags[..]].concat())
+    };
+    let done = run(&free, "16G");
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    // One image of 512 x 512 at a time beside the geometry, and no byte of the package changes.
+    let done = run(&tight, "47M");
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let read = |path: &Path| std::fs::read(path).expect("a package");
+    assert!(read(&free) == read(&tight));
+    for (limit, named) in [("1M", "the geometry"), ("38M", "image `")] {
+        std::fs::remove_file(&tight).unwrap_or_default();
+        let done = run(&tight, limit);
+        let message = text(&done.stderr);
+        assert_eq!(done.status.code(), Some(2), "{limit}: {message}");
+        assert!(
+            message.contains("error[limit-memory]") && message.contains(named),
+            "{message}"
+        );
+        assert!(!tight.exists());
+    }
+}

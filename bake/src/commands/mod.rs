@@ -2,7 +2,7 @@
 
 mod bake;
 mod bench;
-mod cache;
+pub(crate) mod cache;
 mod diff;
 mod extract;
 mod inspect;

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::encode::unpack_rgb9e5;
 
-/// One layer of one level as shaders read it, but for the sRGB curve: rows from the top, values in [0,1], or
+/// One layer of one level as shaders read it, but for the sRGB curve: rows from the top, values from 0 to 1, or
 /// radiance as stored. Absent colour channels are 0, absent alpha is 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {

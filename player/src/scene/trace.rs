@@ -141,7 +141,7 @@ impl TraceScene {
     }
 
     /// Cumulative shares of the importance table's rows, then for each row those of its cells; then the guides of the
-    /// same runs: see [`guide`].
+    /// same runs: see `guide`.
     pub fn distribution(&self) -> Option<&Buffer> {
         self.distribution.as_ref()
     }
