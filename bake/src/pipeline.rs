@@ -15,7 +15,7 @@ use crate::encode::{EncodeOptions, SkyFormat, Target};
 use crate::environment::EnvironmentOptions;
 use crate::import::{Rules, import_with};
 use crate::materials::{self, Plan};
-use crate::memory::DEFAULT_LIMIT_MEMORY;
+use crate::memory::{self, DEFAULT_LIMIT_MEMORY};
 use crate::panorama::{self, Panorama};
 use crate::prepare::{Prepared, StepTime, prepare_cached};
 use crate::progress::Progress;
@@ -105,6 +105,8 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     constants::fold(&mut scene, options.limit_pixels, &session)?;
     clock.lap("constants");
 
+    // Preparing takes the meshes out of the scene.
+    let left = memory::left_for_images(&scene, options.limit_memory)?;
     let mut prepared = prepare_cached(&mut scene, &session, &|fraction| {
         progress.update("geometry", fraction)
     })?;
@@ -117,7 +119,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
         &options.textures,
         textures::Limits {
             pixels: options.limit_pixels,
-            memory: options.limit_memory,
+            memory: left,
         },
         &session,
         &|fraction| {

@@ -94,7 +94,7 @@ pub struct Encoded {
     pub of: Vec<usize>,
 }
 
-/// Most texels of an image, and most bytes of a bake.
+/// Most texels of an image, and bytes that images may take while they are encoded.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     pub pixels: u64,
@@ -132,7 +132,7 @@ pub fn encode_all(
         progress(finished as f32 / jobs.len() as f32);
         Ok(stored)
     };
-    let left = memory::left_for_images(scene, limits.memory)?;
+    let left = limits.memory;
     let needed = jobs.iter().map(|job| {
         let images = job.iter().map(|&index| plan.images[index as usize].image);
         let needed =

@@ -378,11 +378,11 @@ fn memory_may_be_limited() {
     let done = run(&free, "16G");
     assert!(done.status.success(), "{}", text(&done.stderr));
     // One image of 512 x 512 at a time beside the geometry, and no byte of the package changes.
-    let done = run(&tight, "47M");
+    let done = run(&tight, "34M");
     assert!(done.status.success(), "{}", text(&done.stderr));
     let read = |path: &Path| std::fs::read(path).expect("a package");
     assert!(read(&free) == read(&tight));
-    for (limit, named) in [("1M", "the geometry"), ("38M", "image `")] {
+    for (limit, named) in [("1M", "the geometry"), ("24M", "image `")] {
         std::fs::remove_file(&tight).unwrap_or_default();
         let done = run(&tight, limit);
         let message = text(&done.stderr);
