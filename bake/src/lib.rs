@@ -40,6 +40,7 @@ pub mod materials;
 pub mod memory;
 pub mod panorama;
 #[warn(missing_docs)]
+pub mod peak;
 pub mod pipeline;
 pub mod prepare;
 #[warn(missing_docs)]

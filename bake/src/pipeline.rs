@@ -17,6 +17,7 @@ use crate::import::{Rules, import_with};
 use crate::materials::{self, Plan};
 use crate::memory::{self, DEFAULT_LIMIT_MEMORY};
 use crate::panorama::{self, Panorama};
+use crate::peak::peak_memory;
 use crate::prepare::{Prepared, StepTime, prepare_cached};
 use crate::progress::Progress;
 use crate::report::{Row, Stage, Summary};
@@ -539,19 +540,6 @@ fn geometry_row(row: &ReportRow, steps: &[StepTime], seconds: f64) -> Row {
     }
 }
 
-/// Most memory that this process has held so far, by Linux's account; `None` elsewhere.
-fn peak_memory() -> Option<u64> {
-    resident_peak(&std::fs::read_to_string("/proc/self/status").ok()?)
-}
-
-fn resident_peak(status: &str) -> Option<u64> {
-    let line = status
-        .lines()
-        .find_map(|line| line.strip_prefix("VmHWM:"))?;
-    let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    kilobytes.checked_mul(1024)
-}
-
 /// Lower-case hexadecimal.
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
@@ -580,22 +568,5 @@ mod tests {
         assert_eq!((weld.seconds, weld.throughput), (0.5, Some(4.0)));
         let other = geometry_row(&row("instance bounds"), &[step], 9.0);
         assert_eq!((other.seconds, other.throughput), (9.0, None));
-    }
-
-    #[test]
-    fn the_peak_is_read_from_the_status() {
-        let status = "Name:\tbake\nVmPeak:\t  9000 kB\nVmHWM:\t    1234 kB\nThreads:\t2\n";
-        assert_eq!(resident_peak(status), Some(1234 * 1024));
-        for broken in [
-            "",
-            "VmHWM:\t12 MB",
-            "VmHWM:\tkB",
-            "VmHWM: 99999999999999999999 kB",
-        ] {
-            assert_eq!(resident_peak(broken), None);
-        }
-        if cfg!(target_os = "linux") {
-            assert!(peak_memory().is_some_and(|bytes| bytes > 1 << 20));
-        }
     }
 }

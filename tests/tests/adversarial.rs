@@ -38,7 +38,7 @@ fn hostile_files_end_in_errors_or_packages() {
         }
         slowest = slowest.max(start.elapsed().as_secs_f64());
     }
-    let peak = peak_resident_bytes();
+    let peak = cairn_bake::peak::peak_memory();
     println!(
         "{} hostile files: {} bake, {} are refused, {} fail; slowest {slowest:.3} s, peak {} MB",
         inputs.len(),
@@ -126,12 +126,4 @@ fn render_all(baked: &[(&PathBuf, PathBuf)]) {
         assert_eq!(image.non_finite(), Some(0), "{}", input.display());
     }
     assert_eq!(gpu.close(), [""; 0]);
-}
-
-/// Largest resident set of this process; `None` where the system does not say.
-fn peak_resident_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
-    let kilobytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kilobytes * 1024)
 }

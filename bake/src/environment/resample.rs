@@ -452,17 +452,22 @@ mod tests {
         }
     }
 
-    #[test]
-    fn mirrored_weights_are_those_of_every_texel() {
-        let (width, height, size) = (24_u32, 13_u32, 16_u32);
+    /// A map without any symmetry.
+    fn speckled(width: u32, height: u32) -> Equirect {
         let texels = (0..width * height)
             .map(|i| [((i * 7919) % 101) as f32, ((i * 104_729) % 53) as f32, 1.0])
             .collect();
-        let input = Equirect {
+        Equirect {
             width,
             height,
             texels,
-        };
+        }
+    }
+
+    #[test]
+    fn mirrored_weights_are_those_of_every_texel() {
+        let (width, height, size) = (24_u32, 13_u32, 16_u32);
+        let input = speckled(width, height);
         let rows = Rows::new(height);
         let resampler = Resampler::new(&input, &rows, size);
         let shared = resample(&input, size);
@@ -493,14 +498,7 @@ mod tests {
     #[test]
     fn texels_match_dense_supersampling_of_the_reconstruction() {
         let (width, height, size) = (24_u32, 12_u32, 8_u32);
-        let texels = (0..width * height)
-            .map(|i| [((i * 7919) % 101) as f32, ((i * 104_729) % 53) as f32, 1.0])
-            .collect();
-        let input = Equirect {
-            width,
-            height,
-            texels,
-        };
+        let input = speckled(width, height);
         let rows = Rows::new(height);
         let cube = equirect_to_cube(&input, &rows, size);
         let steps = 96;

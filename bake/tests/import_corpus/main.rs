@@ -373,14 +373,6 @@ fn draco_meshes_of_a_whole_scene_cover_what_the_plain_ones_do() {
     assert_eq!(draco.instances.len(), plain.instances.len());
 }
 
-/// The most memory that this process ever held, in bytes; `None` where the system does not say.
-fn peak_memory() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
-    let kilobytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kilobytes * 1024)
-}
-
 #[test]
 fn adversarial_scenes_never_panic() {
     let Some(assets) = assets() else { return };
@@ -400,7 +392,7 @@ fn adversarial_scenes_never_panic() {
     }
     eprintln!("{verdicts:#?}");
     // The other tests of this process share the figure, so it is an upper bound.
-    if let Some(peak) = peak_memory() {
+    if let Some(peak) = cairn_bake::peak::peak_memory() {
         println!("peak memory {} MiB", peak >> 20);
         assert!(peak < 1 << 30, "{peak} bytes");
     }

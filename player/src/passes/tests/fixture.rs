@@ -100,8 +100,12 @@ pub fn quad(material: u32, models: Vec<Mat4>) -> Object {
 
 /// A unit sphere with smooth normals.
 pub fn sphere(material: u32, models: Vec<Mat4>) -> Object {
-    const COLUMNS: u32 = 32;
-    const ROWS: u32 = 16;
+    sphere_of(16, material, models)
+}
+
+/// A unit sphere of `rows` rows of facets, and twice as many columns.
+pub fn sphere_of(rows: u32, material: u32, models: Vec<Mat4>) -> Object {
+    let columns = 2 * rows;
     let mut object = Object {
         vertices: Vec::new(),
         colors: Vec::new(),
@@ -109,11 +113,11 @@ pub fn sphere(material: u32, models: Vec<Mat4>) -> Object {
         material,
         models,
     };
-    for row in 0..=ROWS {
-        for column in 0..=COLUMNS {
+    for row in 0..=rows {
+        for column in 0..=columns {
             let (theta, phi) = (
-                row as f32 / ROWS as f32 * std::f32::consts::PI,
-                column as f32 / COLUMNS as f32 * std::f32::consts::TAU,
+                row as f32 / rows as f32 * std::f32::consts::PI,
+                column as f32 / columns as f32 * std::f32::consts::TAU,
             );
             let normal = [
                 theta.sin() * phi.cos(),
@@ -125,9 +129,9 @@ pub fn sphere(material: u32, models: Vec<Mat4>) -> Object {
                 normal,
                 ..Vertex::zeroed()
             });
-            if row < ROWS && column < COLUMNS {
-                let at = row * (COLUMNS + 1) + column;
-                let below = at + COLUMNS + 1;
+            if row < rows && column < columns {
+                let at = row * (columns + 1) + column;
+                let below = at + columns + 1;
                 let faces = [at, at + 1, below, at + 1, below + 1, below];
                 object.indices.extend(faces);
             }

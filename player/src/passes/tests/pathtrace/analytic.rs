@@ -1,10 +1,9 @@
 //! Scenes with known answers, several independent runs each: the mean lies within three standard errors, and within 0.2 %.
 
-use cairn_format::Vertex;
 use cairn_format::gpu::{LOBE_SPECULAR, Material, MaterialExtension};
 use glam::{Mat4, Vec3};
 
-use super::super::fixture::{Fixture, Object, light, sphere};
+use super::super::fixture::{Fixture, Object, light, sphere_of};
 use super::super::{device, options, towards_origin};
 use super::lights::{core, floor_radiance, glance, lit_floor};
 use super::{samples, trace, traced, white, wide};
@@ -73,37 +72,7 @@ fn lambert(albedo: f32) -> (Material, MaterialExtension) {
 
 /// A unit sphere whose facets stray by less than 1e-4 from it.
 fn ball() -> Object {
-    const COLUMNS: u32 = 192;
-    const ROWS: u32 = 96;
-    let mut object = sphere(0, vec![Mat4::IDENTITY]);
-    object.vertices.clear();
-    object.indices.clear();
-    for row in 0..=ROWS {
-        for column in 0..=COLUMNS {
-            let (theta, phi) = (
-                row as f32 / ROWS as f32 * std::f32::consts::PI,
-                column as f32 / COLUMNS as f32 * std::f32::consts::TAU,
-            );
-            let normal = [
-                theta.sin() * phi.cos(),
-                theta.cos(),
-                theta.sin() * phi.sin(),
-            ];
-            object.vertices.push(Vertex {
-                position: normal,
-                normal,
-                ..bytemuck::Zeroable::zeroed()
-            });
-            if row < ROWS && column < COLUMNS {
-                let at = row * (COLUMNS + 1) + column;
-                let below = at + COLUMNS + 1;
-                object
-                    .indices
-                    .extend([at, at + 1, below, at + 1, below + 1, below]);
-            }
-        }
-    }
-    object
+    sphere_of(96, 0, vec![Mat4::IDENTITY])
 }
 
 /// Parallel rays along `-from` onto the square of half-extent `half` about the sphere's middle.
