@@ -80,7 +80,7 @@ pub struct Settings {
     pub limit_pixels: u64,
     /// Memory for the scene and its images, with K, M, G or T for powers of 1000: fewer images are decoded at a time to
     /// stay within, and what cannot is refused.
-    #[arg(long, value_name = "SIZE", default_value = "16G", value_parser = crate::commands::cache::size)]
+    #[arg(long, value_name = "SIZE", default_value = "16G", value_parser = size)]
     pub limit_memory: u64,
     /// Scenes of more triangles than this, each mesh counted once, are refused.
     #[arg(long, value_name = "TRIANGLES", default_value_t = DEFAULT_LIMIT_TRIANGLES)]
@@ -196,5 +196,49 @@ fn percent(text: &str) -> Result<f64, String> {
         Ok(number / 100.0)
     } else {
         Err("must be above 0 and at most 100".into())
+    }
+}
+
+/// Bytes out of `500M`.
+pub fn size(text: &str) -> Result<u64, String> {
+    let digits = text.trim_end_matches(['B', 'b']);
+    let units = [
+        ("K", 1_000),
+        ("M", 1_000_000),
+        ("G", 1_000_000_000),
+        ("T", 1_000_000_000_000),
+    ];
+    let upper = digits.to_ascii_uppercase();
+    let (number, unit) = units
+        .iter()
+        .find_map(|(name, unit)| Some((upper.strip_suffix(name)?, *unit)))
+        .unwrap_or((&upper, 1));
+    let number: u64 = number
+        .trim()
+        .parse()
+        .map_err(|_| format!("`{text}` is no size; write 500M or 2G"))?;
+    number
+        .checked_mul(unit)
+        .ok_or_else(|| format!("`{text}` is more than can be counted"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_have_units() {
+        for (text, bytes) in [
+            ("0", 0),
+            ("17", 17),
+            ("2k", 2000),
+            ("500M", 500_000_000),
+            ("3GB", 3_000_000_000),
+        ] {
+            assert_eq!(size(text), Ok(bytes), "{text}");
+        }
+        for text in ["", "M", "-1", "1.5G", "20000000T", "12 apples"] {
+            assert!(size(text).is_err(), "{text}");
+        }
     }
 }

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use crate::diagnostic::{BakeError, Result};
 use crate::import::image_header;
+use crate::look::bytes_text;
 use crate::scene::{Image, Origin, Scene};
 
 /// Bytes that a bake may take unless it is told otherwise.
@@ -66,11 +67,10 @@ pub fn of_image(image: &Image, left: u64, limit_pixels: u64) -> Result<u64> {
 }
 
 fn refused(what: &str, needed: u64, left: u64, origin: &Origin) -> BakeError {
-    let megabytes = |bytes: u64| bytes.div_ceil(1_000_000);
     let message = format!(
-        "{what} takes about {} MB, and --limit-memory leaves {} MB; raise it or make the input smaller",
-        megabytes(needed),
-        megabytes(left)
+        "{what} takes about {}, and --limit-memory leaves {}; raise it or make the input smaller",
+        bytes_text(needed),
+        bytes_text(left)
     );
     BakeError::input("limit-memory", origin, message)
 }

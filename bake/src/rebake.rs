@@ -6,6 +6,7 @@ use crate::cache::{Inputs, Kind, Session, absolute};
 use crate::pipeline::Options;
 use crate::report::Summary;
 use crate::scene::Scene;
+use crate::strict::Strict;
 
 /// The cache of a bake.
 pub fn session(options: &Options) -> Session {
@@ -18,10 +19,11 @@ pub fn session(options: &Options) -> Session {
 /// What is asked for, apart from the content of files: the same request on the same files writes the same package
 /// and says the same.
 pub fn request(options: &Options) -> Inputs {
-    // Whatever may be added to the options counts, but for where things lie.
+    // Whatever may be added to the options counts, but for where things lie and what is checked anyhow.
     let settings = Options {
         output: PathBuf::new(),
         cache: None,
+        strict: Strict::No,
         ..options.clone()
     };
     Inputs::new(Kind::Package, module_path!(), "package")

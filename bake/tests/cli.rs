@@ -355,6 +355,13 @@ fn warnings_stop_a_strict_bake() {
         message.contains("  why: ") && message.contains("  fix: "),
         "{message}"
     );
+    // A bake that is not needed is held to the same.
+    let cache = folder.path().join("cache");
+    let kept = |flags: &[&str]| run(&[&["--cache", path(&cache), "--json"], flags].concat());
+    assert!(kept(&[]).status.success());
+    assert!(text(&kept(&[]).stdout).contains("\"unchanged\":true"));
+    let done = kept(&["--strict"]);
+    assert_eq!(done.status.code(), Some(2), "{}", text(&done.stdout));
     let done = run(&["--strict=no-such-code"]);
     assert!(done.status.code() == Some(2) && text(&done.stderr).contains("docs/diagnostics.md"));
 }

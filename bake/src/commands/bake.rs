@@ -1,6 +1,6 @@
 //! Bakes: progress while it runs, then a summary as text or JSON.
 
-use super::SUCCESS;
+use super::{SUCCESS, print_json, print_text};
 use crate::args::{Args, Settings};
 use crate::cache::Place;
 use crate::diagnostic::{BakeError, listing};
@@ -15,7 +15,7 @@ pub(super) fn run(args: &Args, settings: &Settings) -> Result<u8, BakeError> {
         let _ = pool.build_global();
     }
     let summary = bake_with_progress(args, settings)?;
-    print(args, &summary);
+    print(args, &summary)?;
     Ok(SUCCESS)
 }
 
@@ -35,21 +35,20 @@ fn bake_with_progress(args: &Args, settings: &Settings) -> Result<Summary, BakeE
     summary
 }
 
-fn print(args: &Args, summary: &Summary) {
+fn print(args: &Args, summary: &Summary) -> Result<(), BakeError> {
     if !args.quiet {
         eprint!("{}", listing(&summary.diagnostics));
     }
     if args.json {
-        match serde_json::to_string(summary) {
-            Ok(json) => println!("{json}"),
-            Err(error) => eprintln!("error[json]: {error}"),
-        }
-    } else if !args.quiet {
-        print!("{}", summary.text(args.verbose));
+        return print_json(summary);
     }
-    if args.explain && !args.json {
-        print!("{}", explain(summary));
+    if !args.quiet {
+        print_text(&summary.text(args.verbose))?;
     }
+    if args.explain {
+        print_text(&explain(summary))?;
+    }
+    Ok(())
 }
 
 /// Every product with what became of it.

@@ -6,6 +6,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::{SUCCESS, print_json, print_text};
+use crate::args::size;
 use crate::cache::{Place, Store};
 use crate::diagnostic::{BakeError, Result};
 use crate::scene::Origin;
@@ -39,29 +40,6 @@ enum Action {
     },
     /// Read every entry, and remove damaged ones.
     Check,
-}
-
-/// Bytes out of `500M`.
-pub(crate) fn size(text: &str) -> Result<u64, String> {
-    let digits = text.trim_end_matches(['B', 'b']);
-    let units = [
-        ("K", 1_000),
-        ("M", 1_000_000),
-        ("G", 1_000_000_000),
-        ("T", 1_000_000_000_000),
-    ];
-    let upper = digits.to_ascii_uppercase();
-    let (number, unit) = units
-        .iter()
-        .find_map(|(name, unit)| Some((upper.strip_suffix(name)?, *unit)))
-        .unwrap_or((&upper, 1));
-    let number: u64 = number
-        .trim()
-        .parse()
-        .map_err(|_| format!("`{text}` is no size; write 500M or 2G"))?;
-    number
-        .checked_mul(unit)
-        .ok_or_else(|| format!("`{text}` is more than can be counted"))
 }
 
 impl Cache {
@@ -135,25 +113,4 @@ struct WithFolder<'a, T> {
 
 fn megabytes(bytes: u64) -> String {
     format!("{:.1} MB", bytes as f64 / 1e6)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_have_units() {
-        for (text, bytes) in [
-            ("0", 0),
-            ("17", 17),
-            ("2k", 2000),
-            ("500M", 500_000_000),
-            ("3GB", 3_000_000_000),
-        ] {
-            assert_eq!(size(text), Ok(bytes), "{text}");
-        }
-        for text in ["", "M", "-1", "1.5G", "20000000T", "12 apples"] {
-            assert!(size(text).is_err(), "{text}");
-        }
-    }
 }

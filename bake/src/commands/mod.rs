@@ -2,7 +2,7 @@
 
 mod bake;
 mod bench;
-pub(crate) mod cache;
+mod cache;
 mod diff;
 mod extract;
 mod inspect;

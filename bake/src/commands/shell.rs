@@ -1,11 +1,10 @@
 //! Completions of shells, and manual pages, generated from the command line itself.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::CommandFactory;
 
-use super::{Cli, SUCCESS};
+use super::{Cli, SUCCESS, print_text};
 use crate::diagnostic::BakeError;
 
 /// `cairn-bake completions SHELL`.
@@ -20,9 +19,7 @@ impl Completions {
     pub(super) fn run(&self) -> Result<u8, BakeError> {
         let mut script = Vec::new();
         clap_complete::generate(self.shell, &mut Cli::command(), "cairn-bake", &mut script);
-        std::io::stdout()
-            .write_all(&script)
-            .map_err(|error| BakeError::io(Path::new("standard output"), error))?;
+        print_text(&String::from_utf8_lossy(&script))?;
         Ok(SUCCESS)
     }
 }

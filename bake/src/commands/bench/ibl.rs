@@ -9,13 +9,14 @@ use super::table::{Level, Row, Sky};
 use super::{plot, table};
 use crate::args::IblQuality;
 use crate::bench::clock::Clock;
-use crate::commands::SUCCESS;
+use crate::commands::{SUCCESS, print_text};
 use crate::diagnostic::{BakeError, Diagnostic};
 use crate::environment::bench::Truth;
 use crate::environment::{
     EnvironmentOptions, Equirect, Kernel, SunMode, bake_environment, brdf_lut, level_roughness,
 };
 use crate::import::load_environment;
+use crate::write;
 
 /// Runs of ours, of which the quickest counts: the first pays for the memory.
 const RUNS: usize = 3;
@@ -63,13 +64,12 @@ impl Ibl {
         let brdf = clock.stop();
         debug_assert_eq!(entries, (TABLE_SIZE * TABLE_SIZE) as usize);
         if let Some(path) = &self.plot {
-            let written = std::fs::write(path, plot::svg(&skies));
-            written.map_err(|error| BakeError::io(path, error))?;
+            write::bytes(path, plot::svg(&skies).as_bytes())?;
         }
         if self.json {
-            println!("{}", table::json(&skies, brdf));
+            print_text(&format!("{}\n", table::json(&skies, brdf)))?;
         } else {
-            print!("{}", table::text(&skies, brdf));
+            print_text(&table::text(&skies, brdf))?;
         }
         Ok(SUCCESS)
     }

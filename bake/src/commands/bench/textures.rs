@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use crate::bench::plot;
 use crate::bench::textures::{Options, Report, run};
-use crate::commands::SUCCESS;
+use crate::commands::{SUCCESS, print_json, print_text};
 use crate::diagnostic::BakeError;
 use crate::pipeline::DEFAULT_LIMIT_PIXELS;
 use crate::progress::{Bar, Progress};
+use crate::write;
 
 /// Compare the BC7 encoders on images: Mpix/s of one thread against PSNR.
 #[derive(clap::Args, Debug)]
@@ -46,27 +47,24 @@ impl Textures {
         bar.clear();
         let report = report?;
         if let Some(path) = &self.plot {
-            let svg = plot::svg(&report.means);
-            std::fs::write(path, svg).map_err(|error| BakeError::io(path, error))?;
+            write::bytes(path, plot::svg(&report.means).as_bytes())?;
         }
         if self.json {
-            match serde_json::to_string(&report) {
-                Ok(json) => println!("{json}"),
-                Err(error) => eprintln!("error[json]: {error}"),
-            }
+            print_json(&report)?;
         } else {
-            print(&report);
+            print_text(&table(&report))?;
         }
         Ok(SUCCESS)
     }
 }
 
-fn print(report: &Report) {
-    println!("| encoder | preset | Mpix/s, one thread | PSNR dB | p99 block RMSE /255 |");
-    println!("|---|---|--:|--:|--:|");
+fn table(report: &Report) -> String {
+    let mut text = String::from(
+        "| encoder | preset | Mpix/s, one thread | PSNR dB | p99 block RMSE /255 |\n|---|---|--:|--:|--:|\n",
+    );
     for mean in &report.means {
-        println!(
-            "| {} | {} | {:.2} | {:.2} | {:.2} |",
+        text += &format!(
+            "| {} | {} | {:.2} | {:.2} | {:.2} |\n",
             mean.encoder,
             mean.preset,
             mean.megapixels_per_second,
@@ -74,4 +72,5 @@ fn print(report: &Report) {
             mean.p99_block_rmse
         );
     }
+    text
 }
