@@ -1,4 +1,4 @@
-//! Portable packages: no format that a device may lack, and the same picture on every kind of device.
+//! Packages without BC formats: the same picture on every kind of device.
 
 use cairn_bake::Silent;
 use cairn_bake::encode::{Quality, Target};
@@ -70,4 +70,36 @@ fn portable_packages_look_alike_on_every_device() {
             "{blocks:?}: {difference:?}"
         );
     }
+}
+
+#[test]
+fn uncompressed_packages_look_alike_without_any_block() {
+    if !require_vulkan("uncompressed_packages_look_alike_without_any_block") {
+        return;
+    }
+    let scene = "hall/hall.gltf";
+    let package = baked_for(Target::Uncompressed, scene);
+    for image in package.scene().images.iter() {
+        let format = image.format.native();
+        assert_eq!(format.block_extent(), 1, "{}: {format:?}", image.name);
+    }
+    let textures = |row: &&cairn_format::scene::ArchivedReportRow| row.metric == "psnr dB";
+    let rows: Vec<f64> = package
+        .scene()
+        .report
+        .iter()
+        .filter(textures)
+        .map(|row| row.error.to_native())
+        .collect();
+    assert!(
+        rows.len() > 2 && rows.iter().all(|db| *db > 55.0),
+        "{rows:?}"
+    );
+    let desktop = picture(&baked_for(Target::Desktop, scene), AllowedBlocks::All);
+    let plain = picture(&package, AllowedBlocks::None);
+    let difference = plain.difference(&desktop).expect("equal sizes");
+    assert!(
+        difference.mean < 0.5 && difference.p99 <= 6,
+        "{difference:?}"
+    );
 }

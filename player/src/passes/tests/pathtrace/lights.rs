@@ -172,6 +172,11 @@ fn sides_count() {
     let behind = towards_origin(Vec3::new(0.0, 0.1, -3.0));
     let image = trace(&gpu, &wall, [4, 4], behind, core(), &samples(4));
     assert_close(mean(&image, 0), 5.0, 1e-5);
+    // Or not, where backs are walls.
+    let mut walls = core();
+    walls.path.see_through = false;
+    let image = trace(&gpu, &wall, [4, 4], behind, walls, &samples(4));
+    assert_eq!(mean(&image, 0), 0.0);
     assert_eq!(gpu.close(), Vec::<String>::new());
 }
 
