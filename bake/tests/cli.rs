@@ -360,6 +360,8 @@ fn warnings_stop_a_strict_bake() {
     let kept = |flags: &[&str]| run(&[&["--cache", path(&cache), "--json"], flags].concat());
     assert!(kept(&[]).status.success());
     assert!(text(&kept(&[]).stdout).contains("\"unchanged\":true"));
+    let allowed = kept(&["--strict=light-range"]);
+    assert!(text(&allowed.stdout).contains("\"unchanged\":true"));
     let done = kept(&["--strict"]);
     assert_eq!(done.status.code(), Some(2), "{}", text(&done.stdout));
     let done = run(&["--strict=no-such-code"]);
