@@ -11,23 +11,28 @@
     reason = "several arrays of channels, texels and subsets share an index"
 )]
 
-mod choice;
 mod estimate;
-mod finish;
 mod fit;
+mod grid;
+mod jobs;
+mod measure;
 mod modes;
 mod partition;
 mod preset;
+mod round;
 mod search;
 mod solid;
+mod stages;
+mod texels;
 mod wide;
 
 use pulp::{Simd, WithSimd};
 
 use super::Quality;
-use finish::{Finish, Job};
+use jobs::Alpha;
 use preset::{Preset, preset};
-use search::{Alpha, Blocks, MOST_LANES};
+use search::Search;
+use texels::Packed;
 
 /// Compresses blocks of 16 RGBA texels, rows of four. Blocks of one colour are exact, and opaque ones stay opaque,
 /// unless `alpha_is_read` is false: then alpha is to be 255, and 254 may be stored.
@@ -76,73 +81,34 @@ impl WithSimd for Compress<'_> {
             Alpha::Ignored
         };
         for (slots, alpha) in kinds.iter().zip([Alpha::Varies, opaque]) {
-            self.kind(simd, slots, alpha);
+            for slots in slots.chunks(TOGETHER) {
+                self.kind(simd, slots, alpha);
+            }
         }
     }
 }
+
+/// Most blocks searched together: what is known of them fits into the caches.
+const TOGETHER: usize = 1024;
 
 impl Compress<'_> {
     /// Compresses the blocks of `slots`, which are of one kind.
     #[inline(always)]
     fn kind<S: Simd>(&mut self, simd: S, slots: &[usize], alpha: Alpha) {
-        let mut jobs = self.find(simd, slots, alpha);
-        if self.preset.polish > 0 {
-            self.finish(simd, &mut jobs, alpha);
+        let packed = slots.iter().map(|&slot| Packed::new(&self.blocks[slot]));
+        let packed: Vec<Packed> = packed.collect();
+        let search = Search {
+            simd,
+            blocks: &packed,
+            alpha,
+            preset: self.preset,
+        };
+        let mut found = search.find();
+        if self.preset.polishes() {
+            search.polish(&mut found);
         }
-        let mut last = None;
-        for Job { slot, choice, .. } in jobs {
-            if last != Some(slot) {
-                let fields = choice.fields(&self.blocks[slot], alpha != Alpha::Varies);
-                self.out[slot] = fields.pack();
-                last = Some(slot);
-            }
-        }
-    }
-
-    /// The ways kept of each block, best first.
-    #[inline(always)]
-    fn find<S: Simd>(&self, simd: S, slots: &[usize], alpha: Alpha) -> Vec<Job> {
-        let mut jobs = Vec::with_capacity(slots.len() * self.preset.kept);
-        for slots in slots.chunks(S::F32_LANES) {
-            // Lanes without a block repeat the first.
-            let mut texels = [self.blocks[slots[0]]; MOST_LANES];
-            for (texels, slot) in texels.iter_mut().zip(slots) {
-                *texels = self.blocks[*slot];
-            }
-            let found = simd.vectorize(Blocks {
-                texels: &texels,
-                alpha,
-                preset: self.preset,
-            });
-            for (choices, &slot) in found.iter().zip(slots) {
-                let kept = choices[..self.preset.kept].iter().enumerate();
-                let kept = kept.filter(|(_, choice)| choice.error.is_finite());
-                jobs.extend(kept.map(|(rank, &choice)| Job { slot, rank, choice }));
-            }
-        }
-        jobs
-    }
-
-    /// Descends from the ways kept, and sorts those of each block by their error.
-    #[inline(always)]
-    fn finish<S: Simd>(&self, simd: S, jobs: &mut [Job], alpha: Alpha) {
-        // Ways of one mode descend side by side.
-        let key = |job: &Job| (job.choice.mode, job.choice.swapped_indices);
-        jobs.sort_by_key(key);
-        for jobs in jobs.chunk_by_mut(|a, b| key(a) == key(b)) {
-            for jobs in jobs.chunks_mut(S::F32_LANES) {
-                simd.vectorize(Finish {
-                    blocks: self.blocks,
-                    alpha,
-                    preset: self.preset,
-                    jobs,
-                });
-            }
-        }
-        // The first found of equals, which is there whatever the neighbours made the search go on to.
-        jobs.sort_by(|a, b| {
-            let errors = a.choice.error.total_cmp(&b.choice.error);
-            a.slot.cmp(&b.slot).then(errors).then(a.rank.cmp(&b.rank))
+        search.pack(&found, |slot, block| {
+            self.out[slots[slot as usize]] = block;
         });
     }
 }

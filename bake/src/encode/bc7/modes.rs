@@ -2,7 +2,7 @@
 //!
 //! Khronos Data Format Specification 1.3, section 20.1.
 
-use super::partition;
+use super::super::partition;
 
 /// How endpoints get their lowest bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,9 +72,9 @@ pub(super) struct Fields {
     pub ends: [[[u8; 4]; 2]; 3],
     /// `[subset][end]`.
     pub parity: [[u8; 2]; 3],
-    pub indices: [u8; 16],
+    pub indices: Nibbles,
     /// Of the scalar channel; modes 4 and 5.
-    pub scalar_indices: [u8; 16],
+    pub scalar_indices: Nibbles,
 }
 
 /// Bits from the lowest up.
@@ -84,17 +84,62 @@ struct Writer {
 }
 
 impl Writer {
-    fn put(&mut self, value: impl Into<u128>, count: u32) {
-        self.bits |= value.into() << self.at;
+    #[inline(always)]
+    fn put(&mut self, value: u64, count: u32) {
+        self.bits |= u128::from(value) << self.at;
         self.at += count;
     }
+}
 
-    /// Indices of texels in order, one bit less for anchors.
-    fn put_indices(&mut self, indices: &[u8; 16], bits: u32, anchors: &[u8]) {
-        for (texel, &index) in (0_u8..).zip(indices) {
-            self.put(index, bits - u32::from(anchors.contains(&texel)));
+/// Indices of 16 texels, the first in the lowest four bits.
+pub(super) type Nibbles = u64;
+
+/// Bit `bit` of each nibble whose texel is in `mask`.
+const fn spread(mask: u16, bit: u32) -> Nibbles {
+    let mut x = mask as u64;
+    x = (x | x << 24) & 0x0000_00ff_0000_00ff;
+    x = (x | x << 12) & 0x000f_000f_000f_000f;
+    x = (x | x << 6) & 0x0303_0303_0303_0303;
+    x = (x | x << 3) & 0x1111_1111_1111_1111;
+    x << bit
+}
+
+/// The nibbles of the texels of a mask, all bits of an index set.
+const fn inverted(mask: u16, bits: u32) -> Nibbles {
+    spread(mask, 0) * ((1 << bits) - 1)
+}
+
+/// Indices one after the other, `bits` each, one less for anchors; and how many bits that takes.
+fn squeeze(nibbles: Nibbles, bits: u32, anchors: &[u8]) -> (u64, u32) {
+    let mut x = nibbles;
+    match bits {
+        2 => {
+            x = (x | x >> 2) & 0x0f0f_0f0f_0f0f_0f0f;
+            x = (x | x >> 4) & 0x00ff_00ff_00ff_00ff;
+            x = (x | x >> 8) & 0x0000_ffff_0000_ffff;
+            x = (x | x >> 16) & 0xffff_ffff;
         }
+        3 => {
+            x = (x & 0x0707_0707_0707_0707) | (x & 0x7070_7070_7070_7070) >> 1;
+            x = (x & 0x003f_003f_003f_003f) | (x & 0x3f00_3f00_3f00_3f00) >> 2;
+            x = (x & 0x0000_0fff_0000_0fff) | (x & 0x0fff_0000_0fff_0000) >> 4;
+            x = (x & 0x00ff_ffff) | (x & 0x00ff_ffff_0000_0000) >> 8;
+        }
+        _ => {}
     }
+    // The highest bit of an anchor goes; from the last texel on, so that those before it stay where they are.
+    let mut order = [0_u32; 3];
+    for (order, anchor) in order.iter_mut().zip(anchors) {
+        *order = u32::from(*anchor);
+    }
+    let order = &mut order[..anchors.len()];
+    order.sort_unstable_by(|a, b| b.cmp(a));
+    for anchor in &*order {
+        let at = anchor * bits + bits - 1;
+        let low = (1 << at) - 1;
+        x = (x & low) | (x >> 1 & !low);
+    }
+    (x, 16 * bits - anchors.len() as u32)
 }
 
 impl Fields {
@@ -117,22 +162,16 @@ impl Fields {
         let masks = partition::masks(mode.subsets, self.partition);
         let channels = if mode.scalar_index_bits > 0 { 3 } else { 4 };
         for subset in 0..mode.subsets {
-            if self.indices[usize::from(anchors[subset])] >> (bits - 1) == 0 {
+            if self.indices >> (4 * u32::from(anchors[subset]) + bits - 1) & 1 == 0 {
                 continue;
             }
-            for (texel, index) in self.indices.iter_mut().enumerate() {
-                if masks[subset] >> texel & 1 == 1 {
-                    *index = (1 << bits) - 1 - *index;
-                }
-            }
+            self.indices ^= inverted(masks[subset], bits);
             let [low, high] = &mut self.ends[subset];
             low[..channels].swap_with_slice(&mut high[..channels]);
             self.parity[subset].reverse();
         }
-        if scalar_bits > 0 && self.scalar_indices[0] >> (scalar_bits - 1) == 1 {
-            for index in &mut self.scalar_indices {
-                *index = (1 << scalar_bits) - 1 - *index;
-            }
+        if scalar_bits > 0 && self.scalar_indices >> (scalar_bits - 1) & 1 == 1 {
+            self.scalar_indices ^= inverted(0xffff, scalar_bits);
             let [low, high] = &mut self.ends[0];
             std::mem::swap(&mut low[3], &mut high[3]);
         }
@@ -143,45 +182,44 @@ impl Fields {
         self.settle_anchors();
         let mode = &MODES[self.mode];
         let mut out = Writer { bits: 0, at: 0 };
-        out.put(1_u32 << self.mode, self.mode as u32 + 1);
-        out.put(self.partition as u32, mode.partition_bits);
+        out.put(1 << self.mode, self.mode as u32 + 1);
+        out.put(self.partition as u64, mode.partition_bits);
         if mode.scalar_index_bits > 0 {
-            out.put(self.rotation, 2);
+            out.put(u64::from(self.rotation), 2);
         }
         if self.mode == 4 {
-            out.put(self.swapped_indices, 1);
+            out.put(u64::from(self.swapped_indices), 1);
         }
-        let ends = &self.ends[..mode.subsets];
-        for channel in 0..3 {
-            for end in ends.as_flattened() {
-                out.put(end[channel], mode.color_bits);
+        let ends = self.ends[..mode.subsets].as_flattened();
+        for channel in 0..4 {
+            let bits = [mode.color_bits, mode.alpha_bits][usize::from(channel == 3)];
+            // At most six ends of eight bits.
+            let mut row = 0;
+            for end in ends.iter().rev() {
+                row = row << bits | u64::from(end[channel]);
             }
-        }
-        for end in ends.as_flattened() {
-            out.put(
-                if mode.alpha_bits > 0 { end[3] } else { 0 },
-                mode.alpha_bits,
-            );
+            if bits > 0 {
+                out.put(row, bits * ends.len() as u32);
+            }
         }
         for parity in &self.parity[..mode.subsets] {
             match mode.parity {
                 Parity::None => {}
-                Parity::Shared => out.put(parity[0], 1),
-                Parity::Each => {
-                    out.put(parity[0], 1);
-                    out.put(parity[1], 1);
-                }
+                Parity::Shared => out.put(u64::from(parity[0]), 1),
+                Parity::Each => out.put(u64::from(parity[0] | parity[1] << 1), 2),
             }
         }
         let anchors = partition::anchors(mode.subsets, self.partition);
         let (first, second) = if self.swapped_indices {
-            (&self.scalar_indices, &self.indices)
+            (self.scalar_indices, self.indices)
         } else {
-            (&self.indices, &self.scalar_indices)
+            (self.indices, self.scalar_indices)
         };
-        out.put_indices(first, mode.index_bits, &anchors[..mode.subsets]);
+        let (bits, count) = squeeze(first, mode.index_bits, &anchors[..mode.subsets]);
+        out.put(bits, count);
         if mode.scalar_index_bits > 0 {
-            out.put_indices(second, mode.scalar_index_bits, &[0]);
+            let (bits, count) = squeeze(second, mode.scalar_index_bits, &[0]);
+            out.put(bits, count);
         }
         debug_assert_eq!(out.at, 128);
         out.bits.to_le_bytes()
@@ -199,6 +237,10 @@ mod tests {
         &[0, 9, 18, 27, 37, 46, 55, 64],
         &[0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64],
     ];
+
+    fn index(nibbles: Nibbles, texel: usize) -> u8 {
+        (nibbles >> (4 * texel) & 15) as u8
+    }
 
     fn interpolate(ends: [u32; 2], index: u8, bits: u32) -> u8 {
         let weight = WEIGHTS[bits as usize - 2][usize::from(index)];
@@ -228,9 +270,9 @@ mod tests {
                     value << (8 - all) | value >> (2 * all - 8)
                 });
                 if channel == 3 && scalar_bits > 0 {
-                    interpolate(ends, fields.scalar_indices[texel], scalar_bits)
+                    interpolate(ends, index(fields.scalar_indices, texel), scalar_bits)
                 } else {
-                    interpolate(ends, fields.indices[texel], bits)
+                    interpolate(ends, index(fields.indices, texel), bits)
                 }
             });
             if fields.rotation > 0 {
@@ -264,8 +306,17 @@ mod tests {
             [bits[0], bits[usize::from(fields.parity == Parity::Each)]]
         });
         let [bits, scalar_bits] = result.index_bits();
-        result.indices = [0; 16].map(|_: u8| (random() % (1 << bits)) as u8);
-        result.scalar_indices = [0; 16].map(|_: u8| (random() % (1 << scalar_bits)) as u8);
+        let mut nibbles = |bits: u32| {
+            (0..16).fold(0, |nibbles, _| {
+                nibbles << 4 | u64::from(random() % (1 << bits))
+            })
+        };
+        result.indices = nibbles(bits);
+        result.scalar_indices = if scalar_bits > 0 {
+            nibbles(scalar_bits)
+        } else {
+            0
+        };
         result
     }
 
@@ -294,10 +345,11 @@ mod tests {
                 let [bits, scalar_bits] = fields.index_bits();
                 let subsets = MODES[mode].subsets;
                 for anchor in &partition::anchors(subsets, partition)[..subsets] {
-                    assert_eq!(settled.indices[usize::from(*anchor)] >> (bits - 1), 0);
+                    let index = index(settled.indices, usize::from(*anchor));
+                    assert_eq!(index >> (bits - 1), 0);
                 }
                 if scalar_bits > 0 {
-                    assert_eq!(settled.scalar_indices[0] >> (scalar_bits - 1), 0);
+                    assert_eq!(index(settled.scalar_indices, 0) >> (scalar_bits - 1), 0);
                 }
                 assert_eq!(expected(&settled), expected(&fields));
             }

@@ -28,7 +28,7 @@ pub(super) fn solid(color: [u8; 4]) -> [u8; 16] {
     Fields {
         mode: 5,
         ends: [[end(0), end(1)], [[0; 4]; 2], [[0; 4]; 2]],
-        indices: [1; 16],
+        indices: 0x1111_1111_1111_1111,
         ..Fields::default()
     }
     .pack()

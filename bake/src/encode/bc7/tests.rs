@@ -122,31 +122,39 @@ fn the_error_of_the_search_is_that_of_the_block() {
         noise_and_edges(),
     ]
     .concat();
-    let simd = pulp::Scalar::new();
     let mut modes = [0; 8];
     for quality in QUALITIES {
-        let compress = Compress {
-            blocks: &blocks,
-            alpha_is_read: true,
-            preset: preset(quality),
-            out: &mut [],
-        };
         for (opaque, alpha) in [(false, Alpha::Varies), (true, Alpha::Opaque)] {
-            let is_of_kind = |at: &usize| {
-                let block: &Texels16 = &blocks[*at];
+            let is_of_kind = |block: &&Texels16| {
                 !is_solid(block) && block.iter().all(|texel| texel[3] == 255) == opaque
             };
-            let slots: Vec<usize> = (0..blocks.len()).filter(is_of_kind).step_by(4).collect();
-            let mut jobs = compress.find(simd, &slots, alpha);
-            for finished in [false, true] {
-                if finished {
-                    compress.finish(simd, &mut jobs, alpha);
+            let blocks: Vec<&Texels16> = blocks.iter().filter(is_of_kind).step_by(4).collect();
+            let packed: Vec<Packed> = blocks.iter().map(|block| Packed::new(block)).collect();
+            let search = Search {
+                simd: pulp::Scalar::new(),
+                blocks: &packed,
+                alpha,
+                preset: preset(quality),
+            };
+            let kept = search.preset.kept;
+            let mut found = search.find();
+            for polished in [false, true] {
+                if polished {
+                    search.polish(&mut found);
                 }
-                for Job { slot, choice, .. } in &jobs {
-                    let block = choice.fields(&blocks[*slot], opaque).pack();
-                    let error = squared_error(&blocks[*slot], &decode(&block));
-                    assert_eq!(choice.error, error as f32, "{choice:?} {quality:?}");
-                    modes[choice.mode] += 1;
+                // Each of the ways kept as if it were the best.
+                for rank in 0..kept {
+                    let mut firsts = found.clone();
+                    firsts.rotate_left(rank);
+                    search.pack(&firsts, |slot, block| {
+                        let slot = slot as usize;
+                        let job = &found[slot * kept + rank];
+                        if job.error.is_finite() {
+                            let error = squared_error(blocks[slot], &decode(&block));
+                            assert_eq!(job.error, error as f32, "{job:?} {quality:?}");
+                            modes[usize::from(job.way.mode)] += 1;
+                        }
+                    });
                 }
             }
         }

@@ -2,10 +2,13 @@
 //!
 //! Only additions, products, divisions, square roots, comparisons and roundings, in the order in which they are
 //! written: every lane computes what one block alone would, on every machine.
+//! No closures over these: a closure is compiled for the least processor, and its instructions are not inlined.
 
 use std::ops::{Add, AddAssign, Mul, Sub};
 
 use pulp::Simd;
+
+use super::texels::MOST_LANES;
 
 /// Adding 1.5 * 2^23 leaves no fraction bits: rounding (halves to even) by two additions.
 const ROUND: f32 = 12_582_912.0;
@@ -30,6 +33,36 @@ pub(super) struct Mask<S: Simd> {
     value: S::m32s,
 }
 
+/// A word of each block, as many as most registers hold.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+pub(super) struct Words(pub [u32; MOST_LANES]);
+
+impl Words {
+    pub const ZERO: Self = Self([0; MOST_LANES]);
+
+    #[inline(always)]
+    fn load<S: Simd>(&self, _: S) -> S::u32s {
+        bytemuck::pod_read_unaligned(&bytemuck::bytes_of(&self.0)[..size_of::<S::u32s>()])
+    }
+
+    /// The low two bytes as numbers.
+    #[inline(always)]
+    pub fn bytes<S: Simd>(&self, simd: S) -> [Wide<S>; 2] {
+        // Below 2^23 an integer is the low bits of the float of 2^23 more.
+        let exponent = simd.splat_u32s(0x4b00_0000);
+        let origin = Wide::splat(simd, 8_388_608.0);
+        let words = self.load(simd);
+        let low = simd.or_u32s(simd.and_u32s(words, simd.splat_u32s(0xff)), exponent);
+        let high = simd.or_u32s(simd.and_u32s(words, simd.splat_u32s(0xff00)), exponent);
+        let low = simd.transmute_f32s_u32s(low);
+        let high = simd.transmute_f32s_u32s(high);
+        let low = Wide { simd, value: low } - origin;
+        let high = Wide { simd, value: high } - origin;
+        [low, high * (1.0 / 256.0)]
+    }
+}
+
 impl<S: Simd> Wide<S> {
     #[inline(always)]
     pub fn splat(simd: S, value: f32) -> Self {
@@ -44,26 +77,34 @@ impl<S: Simd> Wide<S> {
         Self::splat(simd, 0.0)
     }
 
+    #[inline(always)]
+    pub fn simd(self) -> S {
+        self.simd
+    }
+
     /// Another value in all lanes.
     #[inline(always)]
     pub fn of(self, value: f32) -> Self {
         Self::splat(self.simd, value)
     }
 
-    /// One value a lane; lanes beyond the slice get 0.
+    /// The first values, one a lane.
     #[inline(always)]
-    pub fn load(simd: S, values: &[f32]) -> Self {
+    pub fn load(simd: S, values: &[f32; MOST_LANES]) -> Self {
+        let bytes = bytemuck::bytes_of(values);
         Self {
             simd,
-            value: simd.partial_load_f32s(values),
+            value: bytemuck::pod_read_unaligned(&bytes[..size_of::<S::f32s>()]),
         }
     }
 
-    /// The value of one block.
+    /// One value a lane; what lies beyond the lanes is 0.
     #[inline(always)]
-    pub fn lane(self, lane: usize) -> f32 {
-        let lanes: &[f32] = bytemuck::cast_slice(std::slice::from_ref(&self.value));
-        lanes[lane]
+    pub fn lanes(self) -> [f32; MOST_LANES] {
+        let mut lanes = [0.0; MOST_LANES];
+        let bytes = bytemuck::bytes_of_mut(&mut lanes);
+        bytes[..size_of::<S::f32s>()].copy_from_slice(bytemuck::bytes_of(&self.value));
+        lanes
     }
 
     #[inline(always)]
@@ -123,9 +164,9 @@ impl<S: Simd> Wide<S> {
 impl<S: Simd> Mask<S> {
     /// Whether bit `bit` is set in the word of each lane.
     #[inline(always)]
-    pub fn bit(simd: S, words: &[u32], bit: u32) -> Self {
+    pub fn bit(simd: S, words: &Words, bit: u32) -> Self {
         let wanted = simd.splat_u32s(1 << bit);
-        let words = simd.partial_load_u32s(words);
+        let words = words.load(simd);
         Self {
             simd,
             value: simd.equal_u32s(simd.and_u32s(words, wanted), wanted),
