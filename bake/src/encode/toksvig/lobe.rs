@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 const RINGS: usize = 24;
 const SECTORS: usize = 48;
 /// Most normals of a footprint that are summed.
-const NORMALS: usize = 128;
+const NORMALS: usize = 64;
 /// Lobes are judged under a light that widens them to at least this alpha, about three degrees, which the rings resolve.
 const LIGHT_ALPHA: f64 = 0.05;
 
@@ -63,7 +63,8 @@ impl Lobe {
     pub fn mean_of(normals: &[[f64; 3]], roughness: f64) -> Self {
         let alpha = roughness * roughness;
         let alpha_squared = alpha * alpha + LIGHT_ALPHA * LIGHT_ALPHA;
-        let stride = normals.len().div_ceil(NORMALS);
+        // Odd, so that it does not follow a column of the footprint.
+        let stride = normals.len().div_ceil(NORMALS) | 1;
         let values = directions().iter().map(|direction| {
             let heights = normals.iter().step_by(stride);
             heights

@@ -27,7 +27,7 @@ use lobe::Lobe;
 /// Alpha of a mirror, for heights of lobes.
 const LEAST_ALPHA: f64 = 1e-3;
 /// Texels of a level whose lobes are judged.
-const JUDGED: usize = 8;
+const JUDGED: usize = 32;
 
 /// A material's roughness and the bumps that it lies on.
 #[derive(Clone, Copy, Debug)]
