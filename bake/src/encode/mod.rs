@@ -13,12 +13,14 @@ mod hdr;
 mod ispc;
 mod masked;
 mod mips;
+mod partition;
 pub mod peers;
 mod role;
 mod settings;
 pub(crate) mod srgb;
 pub mod toksvig;
 mod uastc;
+mod wide;
 
 use std::time::Instant;
 
