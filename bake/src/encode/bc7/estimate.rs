@@ -8,10 +8,10 @@ use pulp::{Simd, WithSimd};
 use super::grid::{GRIDS, Grid, rotated_grids};
 use super::jobs::Way;
 use super::modes::MODES;
-use super::super::partition;
+use super::partition;
 use super::preset::Preset;
 use super::texels::{Gather, MOST_LANES, Packed, Values};
-use super::super::wide::Wide;
+use super::wide::Wide;
 
 /// Sums over texels: of the values, and of their products in the order 00 10 11 20 21 22 30 31 32 33.
 #[derive(Clone, Copy)]
@@ -119,11 +119,14 @@ impl Ranked {
     #[inline(always)]
     fn extend<S: Simd>(&mut self, list: List, ranking: &Ranking<S>) {
         for at in 0..ranking.count {
-            self.entries.push(Entry {
-                errors: ranking.errors[at].to_lanes(),
-                ways: ranking.ways[at].to_lanes(),
+            let mut entry = Entry {
+                errors: [0.0; MOST_LANES],
+                ways: [0.0; MOST_LANES],
                 list,
-            });
+            };
+            entry.errors[..S::F32_LANES].copy_from_slice(ranking.errors[at].lanes());
+            entry.ways[..S::F32_LANES].copy_from_slice(ranking.ways[at].lanes());
+            self.entries.push(entry);
         }
     }
 

@@ -6,7 +6,7 @@ use super::grid::Grid;
 use super::measure::{Ends, Measure, Shares, measure, shares};
 use super::round::best_ends;
 use super::texels::Subset;
-use super::super::wide::{Wide, round};
+use super::wide::{Wide, round};
 
 /// How hard a fit tries.
 #[derive(Clone, Copy, Debug)]

@@ -3,7 +3,7 @@
 use pulp::Simd;
 
 use super::modes::{MODES, Parity};
-use super::super::wide::Wide;
+use super::wide::Wide;
 
 /// See the module.
 #[derive(Clone, Copy, Debug)]

@@ -6,7 +6,7 @@ use super::grid::{GRIDS, Grid, OPAQUE_WHOLE, rotated_grids};
 use super::measure::Ends;
 use super::modes::MODES;
 use super::texels::{Gather, MOST_LANES, Packed, Subset, rotate, subset_masks};
-use super::super::wide::{Wide, Words};
+use super::wide::{Wide, Words};
 
 /// What the blocks searched together have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -171,18 +171,18 @@ pub(super) fn put_ends<S: Simd, const C: usize>(jobs: &mut [Job], part: Part, en
         let stored = &ends.stored[end];
         if let Part::Subset(at) = part {
             // Whole numbers below 2^24 are exact.
-            let colors = (stored[0] + stored[1] * 256.0 + stored[2] * 65536.0).to_lanes();
-            let others = (stored[3] + ends.parity[end] * 256.0).to_lanes();
+            let colors = stored[0] + stored[1] * 256.0 + stored[2] * 65536.0;
+            let others = stored[3] + ends.parity[end] * 256.0;
             for (lane, job) in jobs.iter_mut().enumerate() {
-                let [red, green, blue, _] = (colors[lane] as u32).to_le_bytes();
-                let [alpha, parity, ..] = (others[lane] as u32).to_le_bytes();
+                let [red, green, blue, _] = (colors.lane(lane) as u32).to_le_bytes();
+                let [alpha, parity, ..] = (others.lane(lane) as u32).to_le_bytes();
                 let kept = &mut job.ends[at][end];
                 *kept = [red, green, blue, if C > 3 { alpha } else { kept[3] }];
                 job.parity[at][end] = parity;
             }
         } else {
-            for (job, value) in jobs.iter_mut().zip(stored[0].to_lanes()) {
-                job.ends[0][end][3] = value as u8;
+            for (job, value) in jobs.iter_mut().zip(stored[0].lanes()) {
+                job.ends[0][end][3] = *value as u8;
             }
         }
     }

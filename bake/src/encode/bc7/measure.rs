@@ -4,7 +4,7 @@ use pulp::{Simd, WithSimd};
 
 use super::grid::Grid;
 use super::texels::Subset;
-use super::super::wide::Wide;
+use super::wide::Wide;
 
 /// Stored endpoints.
 #[derive(Clone, Copy, Debug)]

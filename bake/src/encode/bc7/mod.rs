@@ -17,18 +17,16 @@ mod grid;
 mod jobs;
 mod measure;
 mod modes;
-mod partition;
 mod preset;
 mod round;
 mod search;
 mod solid;
 mod stages;
 mod texels;
-mod wide;
 
 use pulp::{Simd, WithSimd};
 
-use super::Quality;
+use super::{Quality, partition, wide};
 use jobs::Alpha;
 use preset::{Preset, preset};
 use search::Search;

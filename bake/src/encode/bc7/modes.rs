@@ -2,7 +2,7 @@
 //!
 //! Khronos Data Format Specification 1.3, section 20.1.
 
-use super::super::partition;
+use super::partition;
 
 /// How endpoints get their lowest bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

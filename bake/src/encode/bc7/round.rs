@@ -4,7 +4,7 @@ use pulp::Simd;
 
 use super::grid::Grid;
 use super::measure::{Ends, Shares};
-use super::super::wide::Wide;
+use super::wide::Wide;
 
 /// The squared error that endpoints add to the least, of one channel: `low^2 aa + 2 low high ab + high^2 bb` of their
 /// distances from the optimum.

@@ -9,7 +9,7 @@ use super::measure::Indices;
 use super::modes::{Fields, MODES};
 use super::preset::Preset;
 use super::texels::{MOST_LANES, Packed, Subset};
-use super::super::wide::Wide;
+use super::wide::Wide;
 
 /// Jobs of one kind, no more than there are lanes, and what they are of.
 pub(super) struct Batch<'a> {
@@ -67,8 +67,8 @@ impl WithSimd for FitJobs<'_> {
             jobs,
         } = self.batch;
         walk(simd, blocks, alpha, jobs, &mut fitting);
-        for (job, error) in jobs.iter_mut().zip(fitting.error.to_lanes()) {
-            job.error = error;
+        for (job, error) in jobs.iter_mut().zip(fitting.error.lanes()) {
+            job.error = *error;
         }
     }
 }
@@ -125,8 +125,8 @@ impl WithSimd for PolishJobs<'_> {
             jobs,
         } = self.batch;
         walk(simd, blocks, alpha, jobs, &mut polishing);
-        for (job, error) in jobs.iter_mut().zip(polishing.error.to_lanes()) {
-            job.error = error;
+        for (job, error) in jobs.iter_mut().zip(polishing.error.lanes()) {
+            job.error = *error;
         }
     }
 }
@@ -159,8 +159,8 @@ impl<S: Simd> Visit<S> for Packing {
         .run();
         let indices = &mut self.indices[usize::from(part == Part::Scalar)];
         for (row, values) in rows.into_iter().enumerate() {
-            for (indices, value) in indices.iter_mut().zip(values.to_lanes()) {
-                *indices |= u64::from(value as u32) << (16 * row);
+            for (indices, value) in indices.iter_mut().zip(values.lanes()) {
+                *indices |= u64::from(*value as u32) << (16 * row);
             }
         }
         true

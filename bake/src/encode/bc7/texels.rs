@@ -2,11 +2,9 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::super::partition;
-use super::super::wide::{Mask, Wide, Words};
-
-/// Most blocks side by side.
-pub(super) const MOST_LANES: usize = 16;
+use super::partition;
+pub(super) use super::wide::MOST_LANES;
+use super::wide::{Mask, Wide, Words};
 
 /// One block: of each texel red and green, then blue and alpha, in the low bytes.
 #[derive(Clone, Copy)]
@@ -102,7 +100,7 @@ impl<'a, S: Simd> Subset<'a, S> {
         let (one, zero) = (Wide::splat(self.simd, 1.0), Wide::zero(self.simd));
         self.count = zero;
         for texel in 0..16 {
-            let inside = words.bit(self.simd, texel as u32).select(one, zero);
+            let inside = Mask::bit(self.simd, &words.0, texel as u32).select(one, zero);
             self.inside[texel] = inside;
             self.count += inside;
         }

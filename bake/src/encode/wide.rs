@@ -2,13 +2,13 @@
 //!
 //! Only additions, products, divisions, square roots, comparisons and roundings, in the order in which they are
 //! written: every lane computes what one block alone would, on every machine.
-//! No closures over these: a closure is compiled for the least processor, and its instructions are not inlined.
+//!
+//! No closures over these, `map` and `from_fn` of arrays among them: what a closure does is compiled for the least
+//! processor, and not inlined.
 
 use std::ops::{Add, AddAssign, Mul, Sub};
 
 use pulp::Simd;
-
-use super::texels::MOST_LANES;
 
 /// Adding 1.5 * 2^23 leaves no fraction bits: rounding (halves to even) by two additions.
 const ROUND: f32 = 12_582_912.0;
@@ -33,18 +33,16 @@ pub(super) struct Mask<S: Simd> {
     value: S::m32s,
 }
 
-/// A word of each block, as many as most registers hold.
+/// A word of each block, as many as the widest registers hold.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
 pub(super) struct Words(pub [u32; MOST_LANES]);
 
+/// Most blocks side by side.
+pub(super) const MOST_LANES: usize = 16;
+
 impl Words {
     pub const ZERO: Self = Self([0; MOST_LANES]);
-
-    #[inline(always)]
-    fn load<S: Simd>(&self, _: S) -> S::u32s {
-        bytemuck::pod_read_unaligned(&bytemuck::bytes_of(&self.0)[..size_of::<S::u32s>()])
-    }
 
     /// The low two bytes as numbers.
     #[inline(always)]
@@ -52,7 +50,8 @@ impl Words {
         // Below 2^23 an integer is the low bits of the float of 2^23 more.
         let exponent = simd.splat_u32s(0x4b00_0000);
         let origin = Wide::splat(simd, 8_388_608.0);
-        let words = self.load(simd);
+        let words: S::u32s =
+            bytemuck::pod_read_unaligned(&bytemuck::bytes_of(&self.0)[..size_of::<S::u32s>()]);
         let low = simd.or_u32s(simd.and_u32s(words, simd.splat_u32s(0xff)), exponent);
         let high = simd.or_u32s(simd.and_u32s(words, simd.splat_u32s(0xff00)), exponent);
         let low = simd.transmute_f32s_u32s(low);
@@ -88,23 +87,27 @@ impl<S: Simd> Wide<S> {
         Self::splat(self.simd, value)
     }
 
-    /// The first values, one a lane.
+    /// One value a lane; lanes beyond the slice get 0.
     #[inline(always)]
-    pub fn load(simd: S, values: &[f32; MOST_LANES]) -> Self {
-        let bytes = bytemuck::bytes_of(values);
-        Self {
-            simd,
-            value: bytemuck::pod_read_unaligned(&bytes[..size_of::<S::f32s>()]),
-        }
+    pub fn load(simd: S, values: &[f32]) -> Self {
+        let bytes: &[u8] = bytemuck::cast_slice(values);
+        let value = match bytes.get(..size_of::<S::f32s>()) {
+            Some(bytes) => bytemuck::pod_read_unaligned(bytes),
+            None => simd.partial_load_f32s(values),
+        };
+        Self { simd, value }
     }
 
-    /// One value a lane; what lies beyond the lanes is 0.
+    /// The value of one block.
     #[inline(always)]
-    pub fn lanes(self) -> [f32; MOST_LANES] {
-        let mut lanes = [0.0; MOST_LANES];
-        let bytes = bytemuck::bytes_of_mut(&mut lanes);
-        bytes[..size_of::<S::f32s>()].copy_from_slice(bytemuck::bytes_of(&self.value));
-        lanes
+    pub fn lane(self, lane: usize) -> f32 {
+        self.lanes()[lane]
+    }
+
+    /// The values of all blocks.
+    #[inline(always)]
+    pub fn lanes(&self) -> &[f32] {
+        bytemuck::cast_slice(std::slice::from_ref(&self.value))
     }
 
     #[inline(always)]
@@ -164,9 +167,13 @@ impl<S: Simd> Wide<S> {
 impl<S: Simd> Mask<S> {
     /// Whether bit `bit` is set in the word of each lane.
     #[inline(always)]
-    pub fn bit(simd: S, words: &Words, bit: u32) -> Self {
+    pub fn bit(simd: S, words: &[u32], bit: u32) -> Self {
         let wanted = simd.splat_u32s(1 << bit);
-        let words = words.load(simd);
+        let bytes: &[u8] = bytemuck::cast_slice(words);
+        let words = match bytes.get(..size_of::<S::u32s>()) {
+            Some(bytes) => bytemuck::pod_read_unaligned(bytes),
+            None => simd.partial_load_u32s(words),
+        };
         Self {
             simd,
             value: simd.equal_u32s(simd.and_u32s(words, wanted), wanted),
