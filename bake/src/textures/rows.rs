@@ -1,6 +1,6 @@
 //! The rows of a texture in the speed-against-error report.
 
-use crate::encode::toksvig::WideningReport;
+use crate::encode::toksvig::{LevelWidening, WideningReport};
 use crate::encode::{EncodedTexture, TextureReport};
 use crate::report::Row;
 
@@ -87,7 +87,18 @@ fn widened(name: &str, report: &WideningReport, bytes: u64) -> Vec<Row> {
             level.error_before,
         ));
     }
-    let most = report.levels.iter().map(|level| level.max_rise);
-    rows.push(row("roughness rise, most".into(), most.fold(0.0, f64::max)));
+    let most = |of: fn(&LevelWidening) -> f64| report.levels.iter().map(of).fold(0.0, f64::max);
+    rows.push(row(
+        "roughness rise, most".into(),
+        most(|level| level.max_rise),
+    ));
+    rows.push(row(
+        "lobe error, worst mip".into(),
+        most(|level| level.error_after),
+    ));
+    rows.push(row(
+        "lobe error if not widened, worst mip".into(),
+        most(|level| level.error_before),
+    ));
     rows
 }
