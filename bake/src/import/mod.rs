@@ -35,7 +35,8 @@ use crate::diagnostic::Result;
 use crate::scene::{Material, Mesh, Scene};
 
 pub use environment::{
-    EnvironmentImage, ReplacedTexels, decode_environment, load_environment, read_environment,
+    EnvironmentImage, ReplacedTexels, decode_environment, environment_pixels, load_environment,
+    read_environment,
 };
 pub use image::{DecodedImage, ImageHeader, decode_image, image_header};
 
