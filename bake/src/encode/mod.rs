@@ -13,11 +13,13 @@ mod hdr;
 mod ispc;
 mod masked;
 mod mips;
+mod partition;
 pub mod peers;
 mod role;
 mod settings;
 pub(crate) mod srgb;
 mod uastc;
+mod wide;
 
 use std::time::Instant;
 

@@ -16,15 +16,13 @@ mod estimate;
 mod finish;
 mod fit;
 mod modes;
-mod partition;
 mod preset;
 mod search;
 mod solid;
-mod wide;
 
 use pulp::{Simd, WithSimd};
 
-use super::Quality;
+use super::{Quality, partition, wide};
 use finish::{Finish, Job};
 use preset::{Preset, preset};
 use search::{Alpha, Blocks, MOST_LANES};

@@ -62,8 +62,13 @@ impl<S: Simd> Wide<S> {
     /// The value of one block.
     #[inline(always)]
     pub fn lane(self, lane: usize) -> f32 {
-        let lanes: &[f32] = bytemuck::cast_slice(std::slice::from_ref(&self.value));
-        lanes[lane]
+        self.lanes()[lane]
+    }
+
+    /// The values of all blocks.
+    #[inline(always)]
+    pub fn lanes(&self) -> &[f32] {
+        bytemuck::cast_slice(std::slice::from_ref(&self.value))
     }
 
     #[inline(always)]

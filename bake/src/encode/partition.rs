@@ -1,4 +1,5 @@
-//! The partitions of BC7: which texel belongs to which subset (Khronos Data Format Specification 1.3, 20.1).
+//! The partitions of BC7, of which BC6H has the first 32 of two subsets: which texel belongs to which subset (Khronos
+//! Data Format Specification 1.3, 20.1 and 20.2).
 
 /// Texels of the second of two subsets, bit `t` for texel `t`.
 #[rustfmt::skip]
