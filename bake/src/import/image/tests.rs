@@ -407,7 +407,10 @@ fn faulty_levels_of_universal_blocks_are_named() {
     assert!(cut.contains("level 2 of the KTX2 is cut off"), "{cut}");
     let start = UASTC[80] as usize | (UASTC[81] as usize) << 8;
     let packed = fails(&|bytes| bytes[start] ^= 0xff);
-    assert!(packed.contains("level 0 of the KTX2 does not unpack"), "{packed}");
+    assert!(
+        packed.contains("level 0 of the KTX2 does not unpack"),
+        "{packed}"
+    );
     let plain = fails(&|bytes| bytes[44] = 0);
     assert!(plain.contains("bytes instead of"), "{plain}");
 }

@@ -92,7 +92,7 @@ fn interpolated(block: &UnpackedUastcBlock, low_byte: impl Fn(u32) -> u32) -> Te
                 let value = bise::unquant_astc_endpoint_val(code, range);
                 value << 8 | low_byte(value)
             });
-            ((low * (64 - weight) + high * weight + 32) / 64 >> 8) as u8
+            ((low * (64 - weight) + high * weight + 32) / (64 * 256)) as u8
         })
     })
 }
