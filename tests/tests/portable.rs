@@ -206,7 +206,7 @@ fn universal_sources_look_alike_on_every_target() {
         options.sky_format = SkyFormat::Rgba16f;
         finished(target, options)
     };
-    let show = |package, blocks| picture_of(package, blocks, [256, 256]);
+    let show = |package: &Package, blocks| picture_of(package, blocks, [256, 256]);
     let plain = show(&baked(Target::Uncompressed), AllowedBlocks::None);
     let portable = baked(Target::Portable);
     for (name, picture) in [
