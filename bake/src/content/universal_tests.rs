@@ -38,6 +38,7 @@ fn wanted(role: Role, channels: u8, alpha: AlphaUse) -> ImageUse {
         channels,
         alpha,
         sampler: Sampler::default(),
+        widening: None,
     }
 }
 
