@@ -36,6 +36,12 @@ pub(super) fn of(name: &str, texture: &EncodedTexture, bytes: u64) -> Vec<Row> {
     if let Some(lacks) = report.missed_db {
         rows.push(row("psnr dB less the target".into(), -lacks));
     }
+    let mut altered = report.altered_levels.clone();
+    altered.sort_unstable();
+    for levels in altered.chunk_by(|one, other| one == other) {
+        let metric = format!("levels encoded again: {}", levels[0].reason());
+        rows.push(row(metric, levels.len() as f64));
+    }
     let levels = report.alpha_coverage_delta.len();
     for (level, delta) in report.alpha_coverage_delta.iter().enumerate() {
         // The last level has one texel, which covers all or nothing.
