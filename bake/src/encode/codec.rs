@@ -24,6 +24,10 @@ pub enum Codec {
     Uastc { quality: Quality },
     /// No blocks: the codes as they are, normals in 16 bits.
     Plain,
+    /// Not encoded: the universal blocks of the file.
+    Passed,
+    /// Not encoded: the universal blocks of the file, rewritten as BC7.
+    Transcoded,
 }
 
 impl Codec {
@@ -66,6 +70,8 @@ impl Codec {
             } => quality.name().into(),
             Self::Bc7 { quality, .. } => format!("{} native", quality.name()),
             Self::Uastc { quality } => quality.name().into(),
+            Self::Passed => "passed through".into(),
+            Self::Transcoded => "transcoded".into(),
             Self::Bc5 | Self::Bc4 | Self::Plain => String::new(),
         }
     }
@@ -74,7 +80,7 @@ impl Codec {
         match self {
             Self::Bc7 { .. } | Self::Bc5 | Self::Uastc { .. } => 16,
             Self::Bc4 => 8,
-            Self::Plain => unreachable!(),
+            Self::Plain | Self::Passed | Self::Transcoded => unreachable!(),
         }
     }
 
@@ -130,7 +136,7 @@ impl Codec {
                     *out = uastc::compress_block(&texels, true, search);
                 }
             }
-            Self::Plain => unreachable!("texels are no blocks"),
+            Self::Plain | Self::Passed | Self::Transcoded => unreachable!("no block encoder"),
         }
     }
 }
