@@ -69,7 +69,13 @@ pub fn svg(means: &[Mean]) -> String {
     );
     let mut encoders: Vec<&str> = means.iter().map(|mean| mean.encoder).collect();
     encoders.dedup();
-    for (encoder, color) in encoders.into_iter().zip(COLORS.iter().cycle()) {
+    for (row, (encoder, color)) in encoders.into_iter().zip(COLORS.iter().cycle()).enumerate() {
+        let _ = writeln!(
+            svg,
+            "<text x=\"{:.1}\" y=\"{:.1}\" fill=\"{color}\">{encoder}</text>",
+            MARGIN + 10.0,
+            HEIGHT - MARGIN - 12.0 - 16.0 * row as f64
+        );
         line(&mut svg, encoder, color, means, [&x, &y]);
     }
     svg.push_str("</svg>\n");
@@ -102,11 +108,15 @@ fn line(
     );
     for mean in presets {
         let (x, y) = place(mean);
+        // Names at the right lie to the left of their points.
+        let (beside, anchor) = match x > 0.9 * WIDTH {
+            true => (x - 8.0, "end"),
+            false => (x + 6.0, "start"),
+        };
         let _ = writeln!(
             svg,
-            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"{color}\"/><text x=\"{:.1}\" y=\"{:.1}\" \
-             fill=\"{color}\">{encoder} {}</text>",
-            x + 6.0,
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"{color}\"/><text x=\"{beside:.1}\" y=\"{:.1}\" \
+             fill=\"{color}\" text-anchor=\"{anchor}\">{}</text>",
             y - 5.0,
             mean.preset
         );
@@ -138,6 +148,6 @@ mod tests {
             svg.contains("cx=\"60.0\"") && svg.contains("cx=\"840.0\""),
             "{svg}"
         );
-        assert!(svg.contains(">a best</text>"));
+        assert!(svg.contains(">a</text>") && svg.contains(">best</text>"));
     }
 }
