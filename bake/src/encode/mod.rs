@@ -29,8 +29,8 @@ use serde::Serialize;
 
 pub use codec::Codec;
 pub use error::AngleError;
-pub use hdr::SkyFormat;
 pub(crate) use hdr::unpack_rgb9e5;
+pub use hdr::{LogError, SkyFormat};
 pub use mips::MipFilter;
 pub use role::Role;
 pub use settings::{Effort, EncodeOptions, Kernels, Quality, Target, native_isa};
