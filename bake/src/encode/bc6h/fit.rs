@@ -39,26 +39,30 @@ impl<S: Simd> Fit<S> {
         }
     }
 
-    /// Takes the lanes in which the other's error is less; whether there are any.
+    /// Takes the lanes in which another way's error is less; whether there are any.
     #[inline(always)]
-    pub fn improve<const R: usize>(&mut self, other: &Self) -> bool {
-        let better = other.error.less(self.error);
+    pub fn improve<const R: usize>(
+        &mut self,
+        ends: &Ends<S>,
+        partition: Wide<S>,
+        weights: &[Wide<S>; 16],
+        error: Wide<S>,
+    ) -> bool {
+        let better = error.less(self.error);
         if !better.any() {
             return false;
         }
-        self.error = better.select(other.error, self.error);
-        self.partition = better.select(other.partition, self.partition);
-        self.ends.grid = Grid::choose(better, &other.ends.grid, &self.ends.grid);
+        self.error = better.select(error, self.error);
+        self.partition = better.select(partition, self.partition);
+        self.ends.grid = Grid::choose(better, &ends.grid, &self.ends.grid);
         for region in 0..R {
             for end in 0..2 {
-                for channel in 0..3 {
-                    let stored = &mut self.ends.stored[region][end][channel];
-                    *stored = better.select(other.ends.stored[region][end][channel], *stored);
-                }
+                let stored = &mut self.ends.stored[region][end];
+                *stored = better.select_all(ends.stored[region][end], *stored);
             }
         }
         for texel in 0..16 {
-            self.weights[texel] = better.select(other.weights[texel], self.weights[texel]);
+            self.weights[texel] = better.select(weights[texel], self.weights[texel]);
         }
         true
     }
@@ -116,7 +120,7 @@ impl<S: Simd, const R: usize> FitRegions<'_, S, R> {
             }
         }
         let stored = grid.store::<R>(&points);
-        self.measure(Ends { stored, grid }, best)
+        self.measure(&Ends { stored, grid }, best)
     }
 
     /// Tries a step up and down of every stored component; whether any is better.
@@ -130,7 +134,7 @@ impl<S: Simd, const R: usize> FitRegions<'_, S, R> {
                 let stored = &mut ends.stored[at / 6][at / 3 % 2][at % 3];
                 *stored = *stored + stored.of(step);
                 ends.grid.bound::<R>(&mut ends.stored);
-                better |= self.measure(ends, best);
+                better |= self.measure(&ends, best);
             }
         }
         better
@@ -138,21 +142,16 @@ impl<S: Simd, const R: usize> FitRegions<'_, S, R> {
 
     /// The squared error of endpoints at the nearest indices; kept where it is less than the best.
     #[inline(always)]
-    fn measure(&self, ends: Ends<S>, best: &mut Fit<S>) -> bool {
-        let mut found = Fit {
-            ends,
-            partition: self.split.partition,
-            weights: best.weights,
-            error: best.error,
-        };
-        found.error = Measure::<S, R> {
+    fn measure(&self, ends: &Ends<S>, best: &mut Fit<S>) -> bool {
+        let mut weights = [Wide::zero(self.texels.simd); 16];
+        let error = Measure::<S, R> {
             texels: self.texels,
             split: self.split,
-            ends: &ends,
-            weights: &mut found.weights,
+            ends,
+            weights: &mut weights,
         }
         .run();
-        best.improve::<R>(&found)
+        best.improve::<R>(ends, self.split.partition, &weights, error)
     }
 }
 
@@ -191,10 +190,9 @@ impl<S: Simd, const R: usize> Measure<'_, S, R> {
         for region in 0..R {
             let mut square = zero;
             for channel in 0..3 {
-                let [from, to] = [0, 1].map(|end| {
-                    let stored = self.ends.stored[region][end][channel];
-                    self.ends.grid.expand(stored) - texels.mean[channel]
-                });
+                let [first, second] = self.ends.stored[region];
+                let from = self.ends.grid.expand(first[channel]) - texels.mean[channel];
+                let to = self.ends.grid.expand(second[channel]) - texels.mean[channel];
                 low[region][channel] = from;
                 direction[region][channel] = to - from;
                 square += direction[region][channel] * direction[region][channel];
@@ -210,27 +208,19 @@ impl<S: Simd, const R: usize> Measure<'_, S, R> {
         }
         let mut total = zero;
         for texel in 0..16 {
-            let mask = split.second[texel];
-            let of = |parts: [Wide<S>; 2]| {
-                if R == 1 {
-                    parts[0]
-                } else {
-                    mask.select(parts[1], parts[0])
-                }
-            };
-            let values = [0, 1, 2].map(|channel| texels.values[channel][texel]);
-            let mut position = of(offset);
+            let mut position = split.of::<R>(texel, offset);
             for channel in 0..3 {
-                position += values[channel] * of([direction[0][channel], direction[1][channel]]);
+                let along = split.of::<R>(texel, [direction[0][channel], direction[1][channel]]);
+                position += texels.values[channel][texel] * along;
             }
             let limit = split.limit::<R>(texels.simd, texel);
             let index = position.max(zero).min(limit).round();
             // The weights of the specification are those of even spacing, rounded.
             let weight = (index * (64.0 / steps)).round();
             for channel in 0..3 {
-                let level = of([low[0][channel], low[1][channel]])
-                    + weight * of([unit[0][channel], unit[1][channel]]);
-                let off = level - values[channel];
+                let from = split.of::<R>(texel, [low[0][channel], low[1][channel]]);
+                let along = split.of::<R>(texel, [unit[0][channel], unit[1][channel]]);
+                let off = from + weight * along - texels.values[channel][texel];
                 total += off * off;
             }
             self.weights[texel] = weight;

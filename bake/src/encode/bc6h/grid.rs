@@ -66,14 +66,18 @@ impl<S: Simd> Grid<S> {
     #[inline(always)]
     fn of(simd: S, mode: usize) -> Self {
         let scale = &SCALES[mode];
-        let splat = |value: f32| Wide::splat(simd, value);
+        let [r, g, b] = scale.reach;
         Self {
-            mode: splat(mode as f32),
-            step: splat(scale.step),
-            inverse: splat(scale.inverse),
-            offset: splat(scale.offset),
-            top: splat(scale.top),
-            reach: scale.reach.map(splat),
+            mode: Wide::splat(simd, mode as f32),
+            step: Wide::splat(simd, scale.step),
+            inverse: Wide::splat(simd, scale.inverse),
+            offset: Wide::splat(simd, scale.offset),
+            top: Wide::splat(simd, scale.top),
+            reach: [
+                Wide::splat(simd, r),
+                Wide::splat(simd, g),
+                Wide::splat(simd, b),
+            ],
         }
     }
 
@@ -118,7 +122,7 @@ impl<S: Simd> Grid<S> {
             inverse: mask.select(yes.inverse, no.inverse),
             offset: mask.select(yes.offset, no.offset),
             top: mask.select(yes.top, no.top),
-            reach: [0, 1, 2].map(|channel| mask.select(yes.reach[channel], no.reach[channel])),
+            reach: mask.select_all(yes.reach, no.reach),
         }
     }
 

@@ -91,30 +91,38 @@ impl WithSimd for Parts<'_> {
             count: self.preset.partitions,
         }
         .run();
-        let fit = |way, rounds, polish| {
-            FitRegions::<S, 2> {
-                texels: &texels,
-                split: &Split::new(simd, way),
-                rounds,
-                polish,
-            }
-            .run()
-        };
         if self.preset.finished < ways.count {
             let mut finished = Ranking::new(simd, self.preset.finished);
             for at in 0..ways.count {
                 let way = ways.ways[at];
-                finished.add(fit(way, 0, 0).error, way);
+                finished.add(in_two(&texels, way, 0, 0).error, way);
             }
             ways = finished;
         }
         let mut best = Fit::none::<2>(simd);
         for at in 0..ways.count {
-            let found = fit(ways.ways[at], self.preset.parts, self.preset.polish);
-            best.improve::<2>(&found);
+            let found = in_two(
+                &texels,
+                ways.ways[at],
+                self.preset.parts,
+                self.preset.polish,
+            );
+            best.improve::<2>(&found.ends, found.partition, &found.weights, found.error);
         }
         choices::<S, 2>(&best)
     }
+}
+
+/// Fits two regions, by a partition a lane.
+#[inline(always)]
+fn in_two<S: Simd>(texels: &Texels<S>, way: Wide<S>, rounds: u32, polish: u32) -> Fit<S> {
+    FitRegions::<S, 2> {
+        texels,
+        split: &Split::new(texels.simd, way),
+        rounds,
+        polish,
+    }
+    .run()
 }
 
 /// Ways and their errors, best first, in lanes.

@@ -167,13 +167,17 @@ impl<S: Simd> Split<S> {
             count[lane] = words[lane].count_ones() as f32;
         }
         let (words, anchors) = (&words[..S::F32_LANES], &anchors[..S::F32_LANES]);
+        let mut split = Self::whole(simd);
+        split.partition = partition;
         let second = Wide::load(simd, &count[..S::F32_LANES]);
-        Self {
-            partition,
-            second: std::array::from_fn(|texel| Mask::bit(simd, words, texel as u32)),
-            count: [second.of(16.0) - second, second],
-            anchors: ANCHORS.map(|texel| Mask::bit(simd, anchors, texel as u32)),
+        split.count = [second.of(16.0) - second, second];
+        for texel in 0..16 {
+            split.second[texel] = Mask::bit(simd, words, texel as u32);
         }
+        for at in 0..4 {
+            split.anchors[at] = Mask::bit(simd, anchors, ANCHORS[at] as u32);
+        }
+        split
     }
 
     /// The highest index of a texel: that of an anchor has one bit less.
@@ -184,9 +188,23 @@ impl<S: Simd> Split<S> {
         if texel == 0 {
             return half;
         }
-        match ANCHORS.iter().position(|anchor| *anchor == texel) {
-            Some(at) if R == 2 => self.anchors[at].select(half, all),
-            _ => all,
+        if R == 2 {
+            for at in 0..4 {
+                if ANCHORS[at] == texel {
+                    return self.anchors[at].select(half, all);
+                }
+            }
+        }
+        all
+    }
+
+    /// Of values of the regions, that of a texel's.
+    #[inline(always)]
+    pub fn of<const R: usize>(&self, texel: usize, regions: [Wide<S>; 2]) -> Wide<S> {
+        if R == 1 {
+            regions[0]
+        } else {
+            self.second[texel].select(regions[1], regions[0])
         }
     }
 
@@ -272,21 +290,16 @@ impl<S: Simd> Split<S> {
         let far = Wide::splat(simd, 1e9);
         let (mut least, mut most) = ([far; 2], [zero - far; 2]);
         for texel in 0..16 {
-            let [v0, v1, v2] = [0, 1, 2].map(|channel| texels.values[channel][texel]);
-            let mask = self.second[texel];
-            let of = |parts: [Wide<S>; 2]| {
-                if R == 1 {
-                    parts[0]
-                } else {
-                    mask.select(parts[1], parts[0])
-                }
-            };
-            let axis = [0, 1, 2].map(|channel| of([scaled[0][channel], scaled[1][channel]]));
-            let position = v0 * axis[0] + v1 * axis[1] + v2 * axis[2] - of(offsets);
+            let mut position = zero - self.of::<R>(texel, offsets);
+            for channel in 0..3 {
+                let axis = self.of::<R>(texel, [scaled[0][channel], scaled[1][channel]]);
+                position += texels.values[channel][texel] * axis;
+            }
             if R == 1 {
                 least[0] = least[0].min(position);
                 most[0] = most[0].max(position);
             } else {
+                let mask = self.second[texel];
                 least[0] = least[0].min(mask.select(far, position));
                 most[0] = most[0].max(mask.select(zero - far, position));
                 least[1] = least[1].min(mask.select(position, far));
