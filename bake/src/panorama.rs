@@ -6,7 +6,7 @@ use cairn_format::scene::Environment;
 
 use crate::cache::{Inputs, Kind, Session};
 use crate::diagnostic::{Diagnostic, Result};
-use crate::encode::SkyFormat;
+use crate::encode::Codec;
 use crate::environment::EnvironmentOptions;
 use crate::import::{EnvironmentImage, decode_environment, read_environment};
 use crate::scene::Source;
@@ -21,7 +21,7 @@ pub struct Panorama {
     /// Decoded where the cache does not have what becomes of it.
     image: Option<EnvironmentImage>,
     light: EnvironmentOptions,
-    format: SkyFormat,
+    codec: Codec,
 }
 
 /// What the package stores of an environment.
@@ -42,7 +42,7 @@ impl Panorama {
     pub fn open(
         path: &Path,
         light: &EnvironmentOptions,
-        format: SkyFormat,
+        codec: Codec,
         session: &Session,
     ) -> Result<Self> {
         let (bytes, source) = read_environment(path)?;
@@ -52,7 +52,7 @@ impl Panorama {
             source,
             image: None,
             light: light.clone(),
-            format,
+            codec,
         };
         if !session.holds(&panorama.inputs()) {
             panorama.image = Some(panorama.decode()?);
@@ -69,7 +69,7 @@ impl Panorama {
         Inputs::new(Kind::Environment, module_path!(), name.to_string_lossy())
             .hash("panorama", &self.source.hash)
             .settings("settings", &self.light)
-            .settings("storage", &self.format)
+            .settings("storage", &self.codec)
     }
 
     /// Appends the cubes to `texels`; indices in the result point there.
@@ -108,7 +108,7 @@ impl Panorama {
     ) -> StoredSky {
         let products = sky::bake(&mut image, &self.light, progress);
         let mut texels = Texels::default();
-        let environment = sky::store(&mut texels, &image, &products, self.format);
+        let environment = sky::store(&mut texels, &image, &products, self.codec);
         let alias = products.importance.map(|table| table.to_bytes());
         StoredSky {
             environment,
@@ -178,8 +178,8 @@ mod tests {
             ..EnvironmentOptions::default()
         };
         let bake = |file: &str, session: &Session| {
-            let format = SkyFormat::Rgba16f;
-            let mut panorama = Panorama::open(&path(file), &light, format, session).expect("a sky");
+            let codec = Codec::Half;
+            let mut panorama = Panorama::open(&path(file), &light, codec, session).expect("a sky");
             let decoded = panorama.image.is_some();
             // Something before it, which must not matter.
             let mut texels = Texels::default();

@@ -30,7 +30,7 @@ use serde::Serialize;
 pub use codec::Codec;
 pub use error::AngleError;
 pub(crate) use hdr::unpack_rgb9e5;
-pub use hdr::{LogError, SkyFormat};
+pub use hdr::{LogError, RadianceError, SkyFormat};
 pub use mips::MipFilter;
 pub use role::Role;
 pub use settings::{Effort, EncodeOptions, Kernels, Quality, Target, native_isa};

@@ -97,11 +97,11 @@ impl<S: Simd, const R: usize> FitRegions<'_, S, R> {
             }
         }
         for _ in 0..self.polish {
-            if !self.descend(&mut best) {
+            let lines = self.split.least_squares::<R>(self.texels, &best.weights);
+            let fitted = self.lines(lines, &mut best);
+            if !self.descend(&mut best) && !fitted {
                 break;
             }
-            let lines = self.split.least_squares::<R>(self.texels, &best.weights);
-            self.lines(lines, &mut best);
         }
         best
     }

@@ -97,9 +97,5 @@ pub(super) fn decompress_block(block: &[u8; 16]) -> [[u16; 3]; 16] {
     texels
 }
 
-/// One block alone.
-pub(super) fn compress_block(texels: &[[u16; 3]; 16]) -> [u8; 16] {
-    let mut out = [[0; 16]];
-    compress(std::slice::from_ref(texels), Quality::Default, &mut out);
-    out[0]
-}
+#[cfg(test)]
+mod tests;

@@ -279,7 +279,8 @@ impl<S: Simd> Split<S> {
             for value in axes[region] {
                 square += value * value;
             }
-            let apart = zero.less(square);
+            // Less is what rounding left of a region of one colour; its reciprocal may be infinite.
+            let apart = square.of(1e-20).less(square);
             let scale = apart.select(square, square.of(1.0)).recip();
             for channel in 0..3 {
                 means[region][channel] = sums[region].first[channel] * inverse;
