@@ -10,12 +10,13 @@ use serde_json::Value;
 
 use crate::{OutputFile, generate, write_all};
 
-const SCENES: [&str; 5] = [
+const SCENES: [&str; 6] = [
     "hall/hall.gltf",
     "materials/materials.gltf",
     "lights/lights.gltf",
     "lobes/lobes.gltf",
     "box/box.gltf",
+    "bumps/bumps.gltf",
 ];
 const SIZE_BUDGET: usize = 3_000_000;
 const SKY_BUDGET: usize = 400_000;

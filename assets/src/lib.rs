@@ -1,6 +1,7 @@
 //! Makes Cairn's own scenes and sky as glTF 2.0, PNG and Radiance HDR files, byte for byte the same on every machine.
 
 pub mod boxes;
+pub mod bumps;
 pub mod gltf;
 pub mod hall;
 pub mod hdr;
@@ -42,6 +43,7 @@ pub fn generate() -> Vec<OutputFile> {
     files.extend(lights::generate());
     files.extend(lobes::generate());
     files.extend(boxes::generate());
+    files.extend(bumps::generate());
     files
 }
 

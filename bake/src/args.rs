@@ -57,6 +57,10 @@ pub struct Settings {
     /// Only filter the alpha of masked textures: what they cover is not kept over the mips.
     #[arg(long)]
     pub plain_alpha: bool,
+    /// Turn the length that averaged normals lose in mips into roughness, so that bumps too far away to be seen still dull
+    /// reflections; materials with a normal map get a roughness texture of their own.
+    #[arg(long)]
+    pub toksvig: bool,
     /// Encode with this machine's instruction set; the bytes then depend on the machine, and the package says so.
     #[arg(long)]
     pub native_isa: bool,
@@ -150,6 +154,7 @@ impl Settings {
             effort: self.texture_quality,
             filter: self.mip_filter,
             plain_alpha: self.plain_alpha,
+            toksvig: self.toksvig,
             kernels: if self.native_isa {
                 Kernels::Native
             } else {

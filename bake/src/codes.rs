@@ -253,6 +253,8 @@ codes! {
         => EXPORT;
     Warning "texture-without-source": "A texture without an image shows white."
         => "Export again with the image; or name an extension that holds it.";
+    Warning "toksvig-unpaired": "With --toksvig normals widen roughness texel by texel; here the two are read at other coordinates, and the roughness stays as it is."
+        => "Give the normal and the metallic-roughness texture of the material the same coordinates.";
     Error "too-large": "Counts or offsets do not fit the 32 bits that the GPU reads."
         => "Split the scene.";
     Error "uri-absolute": "A scene must not name files by absolute paths: it would read any file of this machine."

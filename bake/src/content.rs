@@ -4,11 +4,12 @@
 use cairn_format::scene::{IDENTITY_SWIZZLE, Swizzle};
 
 use crate::constants::constant;
+use crate::encode::toksvig::{self, WideningReport};
 use crate::encode::{
-    AlphaUse, EncodeOptions, EncodedTexture, Role, Source, encode_levels, is_opaque,
+    AlphaUse, EncodeOptions, EncodedTexture, Role, Source, data_levels, encode_levels, is_opaque,
 };
 use crate::import::DecodedImage;
-use crate::materials::ImageUse;
+use crate::materials::{ImageUse, Widening};
 
 /// An encoded image, and what shaders read of it.
 #[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize, Clone, Debug, PartialEq)]
@@ -64,26 +65,26 @@ pub fn store_companions(
     wanted: &ImageUse,
     options: &EncodeOptions,
 ) -> Option<Stored> {
-    let alike = (occlusion.width, occlusion.height) == (roughness.width, roughness.height);
-    let own_levels = !occlusion.smaller.is_empty() || !roughness.smaller.is_empty();
+    let alike = (occlusion.width, occlusion.height) == (roughness.width, roughness.height)
+        && occlusion.smaller.len() == roughness.smaller.len();
     let held = held(roughness, wanted.channels);
     let varying: Vec<usize> = (0..4).filter(|&c| held[c] == Held::Varies).collect();
     let &[channel] = varying.as_slice() else {
         return None;
     };
-    if !alike
-        || own_levels
-        || held[1..3].contains(&Held::Value)
-        || constant(&occlusion.texels)[0].is_some()
-    {
+    if !alike || held[1..3].contains(&Held::Value) || constants(occlusion)[0].is_some() {
         return None;
     }
-    let texels = occlusion.texels.iter().zip(&roughness.texels);
-    let image = DecodedImage {
-        texels: texels
+    let pair = |first: &[[u16; 4]], second: &[[u16; 4]]| {
+        let texels = first.iter().zip(second);
+        texels
             .map(|(first, second)| [first[0], second[channel], 0, u16::MAX])
-            .collect(),
-        smaller: Vec::new(),
+            .collect()
+    };
+    let smaller = occlusion.smaller.iter().zip(&roughness.smaller);
+    let image = DecodedImage {
+        texels: pair(&occlusion.texels, &roughness.texels),
+        smaller: smaller.map(|(first, second)| pair(first, second)).collect(),
         ..*occlusion
     };
     let mut read = [Some(0), None, None, None];
@@ -123,8 +124,16 @@ impl Held {
     }
 }
 
+/// The value of each channel that has only one, in all levels.
+fn constants(image: &DecodedImage) -> [Option<u16>; 4] {
+    let levels = image.smaller.iter().map(|level| constant(level));
+    levels.fold(constant(&image.texels), |all, level| {
+        std::array::from_fn(|channel| all[channel].filter(|_| all[channel] == level[channel]))
+    })
+}
+
 fn held(image: &DecodedImage, channels: u8) -> [Held; 4] {
-    let constant = constant(&image.texels);
+    let constant = constants(image);
     std::array::from_fn(|channel| match constant[channel] {
         _ if channels >> channel & 1 == 0 => Held::Unread,
         Some(0) => Held::Zero,
@@ -187,15 +196,59 @@ fn swizzle(role: Role, places: [Option<usize>; 4], options: &EncodeOptions) -> [
     })
 }
 
-fn finish(plan: &Plan, wanted: &ImageUse, options: &EncodeOptions) -> Stored {
-    let source = Source {
-        width: plan.image.width,
-        height: plan.image.height,
-        texels: &plan.image.texels,
+/// The data that a material reads with its roughness widened by `normals`, all levels.
+pub fn widen(
+    normals: &DecodedImage,
+    data: Option<&DecodedImage>,
+    wanted: &ImageUse,
+    widening: &Widening,
+    options: &EncodeOptions,
+) -> (DecodedImage, WideningReport) {
+    let [wrap_u, wrap_v] = widening.normal_wrap;
+    let surface = toksvig::Surface {
+        normals: Source {
+            wrap_u,
+            wrap_v,
+            ..source(normals, wanted, AlphaUse::Ignore)
+        },
+        normal_scale: widening.normal_scale,
+        data: data.map(|data| source(data, wanted, AlphaUse::Ignore)),
+        data_levels: data.map_or(&[], |data| &data.smaller),
+        factor: widening.factor,
+    };
+    let widened = toksvig::widen(&surface, options.filter);
+    let mut levels = widened.levels.into_iter();
+    let image = DecodedImage {
+        width: widened.width,
+        height: widened.height,
+        texels: levels.next().unwrap_or_default(),
+        smaller: levels.collect(),
+        source_bits: 16,
+        has_alpha: false,
+    };
+    (image, widened.report)
+}
+
+/// Gives data that has one level alone all of them, so that it can go with data that has.
+pub fn fill_levels(image: &mut DecodedImage, wanted: &ImageUse, options: &EncodeOptions) {
+    if image.smaller.is_empty() {
+        image.smaller = data_levels(&source(image, wanted, AlphaUse::Ignore), options.filter);
+    }
+}
+
+fn source<'a>(image: &'a DecodedImage, wanted: &ImageUse, alpha: AlphaUse) -> Source<'a> {
+    Source {
+        width: image.width,
+        height: image.height,
+        texels: &image.texels,
         wrap_u: wanted.sampler.wrap_u,
         wrap_v: wanted.sampler.wrap_v,
-        alpha: plan.alpha,
-    };
+        alpha,
+    }
+}
+
+fn finish(plan: &Plan, wanted: &ImageUse, options: &EncodeOptions) -> Stored {
+    let source = source(&plan.image, wanted, plan.alpha);
     Stored {
         texture: encode_levels(&source, &plan.image.smaller, plan.role, options),
         role: plan.role,
@@ -230,6 +283,7 @@ mod tests {
             channels,
             alpha: AlphaUse::Ignore,
             sampler: Sampler::default(),
+            widening: None,
         }
     }
 

@@ -5,7 +5,11 @@ use cairn_format::gpu;
 
 use crate::encode::{AlphaUse, Role};
 use crate::prepare::MaterialUse;
-use crate::scene::{AlphaMode, Material, Sampler, Scene, TextureRef, UvTransform};
+use crate::scene::{AlphaMode, Material, Sampler, Scene, TextureRef, UvTransform, Wrap};
+
+mod widening;
+
+use widening::{Layer, alike, sampler};
 
 /// An image to encode: the same glTF image in two roles is two of these.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,6 +23,21 @@ pub struct ImageUse {
     pub alpha: AlphaUse,
     /// The sampler whose wrap modes the mip filter follows.
     pub sampler: Sampler,
+    /// Whether green is roughness that normals widen.
+    pub widening: Option<Widening>,
+}
+
+/// Normals that widen the roughness of a material (`EncodeOptions::toksvig`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Widening {
+    /// Index into `Scene::images`.
+    pub normal: u32,
+    pub normal_wrap: [Wrap; 2],
+    pub normal_scale: f32,
+    /// Roughness is the green of the image times this, which the material's record then has no more.
+    pub factor: f32,
+    /// Whether the material has a roughness image. If not, it is 1 everywhere, and the image is that of the normals.
+    pub textured: bool,
 }
 
 const RED: u8 = 1;
@@ -53,11 +72,20 @@ pub struct Plan {
     pub features: u32,
     /// Occlusion and metallic-roughness images that materials use together, and nothing uses otherwise.
     pub companions: Vec<[u32; 2]>,
+    /// Materials whose normals and roughness have other coordinates, so that none widens the other: indices into
+    /// `Scene::materials`.
+    pub unpaired: Vec<u32>,
+    /// Whether normals widen roughness.
+    widen: bool,
 }
 
-/// Plans the records of `used`: indices into the scene's materials, `None` for glTF's default material.
-pub fn plan(scene: &Scene, used: &[Option<u32>]) -> Plan {
-    let mut plan = Plan::default();
+/// Plans the records of `used`: indices into the scene's materials, `None` for glTF's default material. `widen`: whether
+/// normals widen roughness.
+pub fn plan(scene: &Scene, used: &[Option<u32>], widen: bool) -> Plan {
+    let mut plan = Plan {
+        widen,
+        ..Plan::default()
+    };
     for index in used {
         let fallback = Material::default();
         let material = match index {
@@ -68,6 +96,10 @@ pub fn plan(scene: &Scene, used: &[Option<u32>]) -> Plan {
         plan.materials.push(record);
         let extension = plan.extension(scene, material);
         plan.extensions.push(extension);
+        let uses = MaterialUse::of(Some(material));
+        if widen && (base(&uses, material).is_unpaired() || coat(&uses, material).is_unpaired()) {
+            plan.unpaired.extend(index);
+        }
         plan.names.push(material.name.clone());
     }
     if plan.extensions.iter().all(|extension| extension.lobes == 0) {
@@ -82,6 +114,26 @@ pub fn plan(scene: &Scene, used: &[Option<u32>]) -> Plan {
     plan
 }
 
+/// The base of a material.
+fn base(uses: &MaterialUse, material: &Material) -> Layer {
+    Layer {
+        normal: uses.normal,
+        normal_scale: material.normal_scale,
+        roughness: uses.metallic_roughness,
+        factor: material.roughness,
+    }
+}
+
+/// The coat of a material.
+fn coat(uses: &MaterialUse, material: &Material) -> Layer {
+    Layer {
+        normal: uses.clearcoat_normal,
+        normal_scale: material.lobes.clearcoat_normal_scale,
+        roughness: uses.clearcoat_roughness,
+        factor: material.lobes.clearcoat_roughness,
+    }
+}
+
 fn transform(slot: &Slot) -> gpu::TextureTransform {
     gpu::TextureTransform {
         matrix: slot.transform.matrix,
@@ -89,6 +141,14 @@ fn transform(slot: &Slot) -> gpu::TextureTransform {
         pad_24: 0,
         pad_28: 0,
     }
+}
+
+/// What a material reads of a texture.
+struct Read {
+    role: Role,
+    channels: u8,
+    alpha: AlphaUse,
+    widening: Option<Widening>,
 }
 
 impl Plan {
@@ -102,18 +162,29 @@ impl Plan {
                 cutoff: material.alpha_cutoff / material.base_color.w.max(f32::MIN_POSITIVE),
             },
         };
+        // The order of these is that of images in packages.
+        let base_color_tex = self.color(scene, uses.base_color, alpha);
+        let emissive_tex = self.color(scene, uses.emissive, AlphaUse::Ignore);
+        let (metallic_roughness_tex, roughness_factor, widening) =
+            self.roughness(scene, base(&uses, material), GREEN | BLUE);
+        let normal_tex = self.normal(scene, uses.normal);
+        // One image holds both where the file has it so.
+        let image = |texture: TextureRef| scene.textures[texture.texture as usize].image;
+        let shared = matches!((uses.occlusion, uses.metallic_roughness), (Some(one), Some(other))
+            if image(one) == image(other) && alike(one, other));
+        let occlusion_tex = self.data(scene, uses.occlusion, RED, widening.filter(|_| shared));
         let record = gpu::Material {
             base_color_factor: material.base_color.to_array(),
             emissive_factor: material.emissive.extend(0.0).to_array(),
             metallic_factor: material.metallic,
-            roughness_factor: material.roughness,
+            roughness_factor,
             normal_scale: material.normal_scale,
             occlusion_strength: material.occlusion_strength,
-            base_color_tex: self.color(scene, uses.base_color, alpha),
-            emissive_tex: self.color(scene, uses.emissive, AlphaUse::Ignore),
-            metallic_roughness_tex: self.data(scene, uses.metallic_roughness, GREEN | BLUE),
-            normal_tex: self.normal(scene, uses.normal),
-            occlusion_tex: self.data(scene, uses.occlusion, RED),
+            base_color_tex,
+            emissive_tex,
+            metallic_roughness_tex,
+            normal_tex,
+            occlusion_tex,
             alpha_cutoff: material.alpha_cutoff,
             alpha_mode: alpha_mode(material.alpha_mode),
             double_sided: flags(material),
@@ -154,16 +225,58 @@ impl Plan {
         } else {
             RGB | ALPHA
         };
-        self.reference(scene, texture, Role::Color, channels, alpha)
+        let read = Read {
+            role: Role::Color,
+            channels,
+            alpha,
+            widening: None,
+        };
+        self.reference(scene, texture, read)
     }
 
-    fn data(&mut self, scene: &Scene, texture: Option<TextureRef>, channels: u8) -> u32 {
-        let alpha = data_alpha(channels);
-        self.reference(scene, texture, Role::Data, channels, alpha)
+    fn data(
+        &mut self,
+        scene: &Scene,
+        texture: Option<TextureRef>,
+        channels: u8,
+        widening: Option<Widening>,
+    ) -> u32 {
+        let read = Read {
+            role: Role::Data,
+            channels,
+            alpha: data_alpha(channels),
+            widening,
+        };
+        self.reference(scene, texture, read)
     }
 
     fn normal(&mut self, scene: &Scene, texture: Option<TextureRef>) -> u32 {
-        self.reference(scene, texture, Role::Normal, RGB, AlphaUse::Ignore)
+        let read = Read {
+            role: Role::Normal,
+            channels: RGB,
+            alpha: AlphaUse::Ignore,
+            widening: None,
+        };
+        self.reference(scene, texture, read)
+    }
+
+    /// The texture and the factor of a roughness, and what widens it.
+    fn roughness(
+        &mut self,
+        scene: &Scene,
+        layer: Layer,
+        channels: u8,
+    ) -> (u32, f32, Option<Widening>) {
+        match layer.widening(scene).filter(|_| self.widen) {
+            Some((texture, widening)) => {
+                let texture = self.data(scene, Some(texture), channels, Some(widening));
+                (texture, 1.0, Some(widening))
+            }
+            None => {
+                let texture = self.data(scene, layer.roughness, channels, None);
+                (texture, layer.factor, None)
+            }
+        }
     }
 
     fn extension(&mut self, scene: &Scene, material: &Material) -> gpu::MaterialExtension {
@@ -175,49 +288,49 @@ impl Plan {
         };
         if uses.lobes & gpu::LOBE_CLEARCOAT != 0 {
             record.clearcoat_factor = lobes.clearcoat;
-            record.clearcoat_roughness = lobes.clearcoat_roughness;
             record.clearcoat_normal_scale = lobes.clearcoat_normal_scale;
-            record.clearcoat_tex = self.data(scene, uses.clearcoat, RED);
-            record.clearcoat_roughness_tex = self.data(scene, uses.clearcoat_roughness, GREEN);
+            record.clearcoat_tex = self.data(scene, uses.clearcoat, RED, None);
+            (
+                record.clearcoat_roughness_tex,
+                record.clearcoat_roughness,
+                _,
+            ) = self.roughness(scene, coat(&uses, material), GREEN);
             record.clearcoat_normal_tex = self.normal(scene, uses.clearcoat_normal);
         }
         if uses.lobes & gpu::LOBE_SPECULAR != 0 {
             record.specular_factor = lobes.specular;
             record.specular_color = lobes.specular_color.to_array();
             record.dielectric_f0 = dielectric_f0(lobes.ior);
-            record.specular_tex = self.data(scene, uses.specular, ALPHA);
+            record.specular_tex = self.data(scene, uses.specular, ALPHA, None);
             record.specular_color_tex = self.color(scene, uses.specular_color, AlphaUse::Ignore);
         }
         if uses.lobes & gpu::LOBE_SHEEN != 0 {
             record.sheen_color = lobes.sheen_color.to_array();
             record.sheen_roughness = lobes.sheen_roughness;
             record.sheen_color_tex = self.color(scene, uses.sheen_color, AlphaUse::Ignore);
-            record.sheen_roughness_tex = self.data(scene, uses.sheen_roughness, ALPHA);
+            record.sheen_roughness_tex = self.data(scene, uses.sheen_roughness, ALPHA, None);
         }
         record
     }
 
-    fn reference(
-        &mut self,
-        scene: &Scene,
-        texture: Option<TextureRef>,
-        role: Role,
-        channels: u8,
-        alpha: AlphaUse,
-    ) -> u32 {
+    fn reference(&mut self, scene: &Scene, texture: Option<TextureRef>, read: Read) -> u32 {
         let Some(reference) = texture else {
             return gpu::NO_TEXTURE;
         };
-        let texture = scene.textures[reference.texture as usize];
-        let sampler = texture
-            .sampler
-            .map_or_else(Sampler::default, |index| scene.samplers[index as usize]);
+        let sampler = sampler(scene, reference);
+        let Read {
+            role,
+            channels,
+            alpha,
+            widening,
+        } = read;
         let image = self.image(ImageUse {
-            image: texture.image,
+            image: scene.textures[reference.texture as usize].image,
             role,
             channels,
             alpha,
             sampler,
+            widening,
         });
         let slot = Slot {
             image,
@@ -239,6 +352,7 @@ impl Plan {
         let same = |have: &ImageUse| {
             have.image == wanted.image
                 && have.role == wanted.role
+                && have.widening == wanted.widening
                 && (have.alpha == wanted.alpha || wanted.role == Role::Data)
                 && have.sampler.wrap_u == wanted.sampler.wrap_u
                 && have.sampler.wrap_v == wanted.sampler.wrap_v
@@ -310,160 +424,4 @@ fn find_or_push<T: PartialEq>(list: &mut Vec<T>, value: T) -> u32 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::{Image, Lobes, Texture};
-    use glam::Vec3;
-
-    fn textured() -> Scene {
-        let reference = |uv_set| Some(TextureRef::new(0, uv_set));
-        Scene {
-            images: vec![Image::default()],
-            textures: vec![Texture {
-                image: 0,
-                sampler: None,
-            }],
-            materials: vec![Material {
-                base_color_texture: reference(0),
-                metallic_roughness_texture: reference(1),
-                emissive_texture: reference(0),
-                ..Material::default()
-            }],
-            ..Scene::default()
-        }
-    }
-
-    #[test]
-    fn one_image_in_two_roles_is_encoded_twice() {
-        let plan = plan(&textured(), &[Some(0)]);
-        assert_eq!(plan.images.len(), 2);
-        assert_eq!(plan.samplers.len(), 1);
-        assert_eq!(plan.materials[0].base_color_tex, 0);
-        assert_eq!(
-            plan.materials[0].metallic_roughness_tex,
-            1 | gpu::TEXTURE_UV1
-        );
-        assert_eq!(plan.features, features::TEXTURES | features::UV1);
-    }
-
-    #[test]
-    fn channels_are_those_that_materials_read() {
-        let mut scene = textured();
-        scene.materials[0].occlusion_texture = Some(TextureRef::new(0, 0));
-        let shared = plan(&scene, &[Some(0)]);
-        assert_eq!(
-            shared.images.len(),
-            2,
-            "occlusion shares the image of the other data"
-        );
-        assert_eq!(shared.images[1].channels, RGB);
-        assert!(shared.companions.is_empty());
-        scene.images.push(Image::default());
-        scene.textures.push(Texture {
-            image: 1,
-            sampler: None,
-        });
-        scene.materials[0].occlusion_texture = Some(TextureRef::new(1, 0));
-        let apart = plan(&scene, &[Some(0)]);
-        let channels: Vec<u8> = apart.images.iter().map(|image| image.channels).collect();
-        assert_eq!(channels, [RGB, GREEN | BLUE, RED]);
-        assert_eq!(apart.companions, [[2, 1]]);
-        // A second companion of the same image leaves no pair.
-        scene.images.push(Image::default());
-        scene.textures.push(Texture {
-            image: 2,
-            sampler: None,
-        });
-        let mut other = scene.materials[0].clone();
-        other.occlusion_texture = Some(TextureRef::new(2, 0));
-        scene.materials.push(other);
-        assert!(plan(&scene, &[Some(0), Some(1)]).companions.is_empty());
-    }
-
-    #[test]
-    fn textures_without_effect_are_left_out() {
-        let mut scene = textured();
-        assert_eq!(
-            plan(&scene, &[Some(0)]).materials[0].emissive_tex,
-            gpu::NO_TEXTURE
-        );
-        scene.materials[0].emissive = Vec3::ONE;
-        assert_eq!(plan(&scene, &[Some(0)]).materials[0].emissive_tex, 0);
-        scene.materials[0].unlit = true;
-        let unlit = plan(&scene, &[Some(0)]);
-        assert_eq!(unlit.images.len(), 1);
-        assert_eq!(unlit.materials[0].double_sided, gpu::MATERIAL_UNLIT);
-    }
-
-    #[test]
-    fn transforms_make_slots_of_their_own() {
-        let mut scene = textured();
-        assert!(plan(&scene, &[Some(0)]).transforms.is_empty());
-        let turned = UvTransform::new([0.5, 0.0], 1.0, [2.0, -1.0]);
-        let mut moved = scene.materials[0].clone();
-        for reference in [
-            &mut moved.base_color_texture,
-            &mut moved.metallic_roughness_texture,
-        ] {
-            reference.as_mut().expect("textured").transform = turned;
-        }
-        scene.materials.push(moved);
-        let plan = plan(&scene, &[Some(0), Some(1)]);
-        assert_eq!(plan.images.len(), 2, "the mip filter ignores the transform");
-        assert_eq!((plan.slots.len(), plan.transforms.len()), (4, 4));
-        assert_eq!(plan.materials[1].base_color_tex, 2);
-        assert_eq!(
-            plan.materials[1].metallic_roughness_tex,
-            3 | gpu::TEXTURE_UV1
-        );
-        assert_eq!(plan.transforms[1].matrix, [1.0, 0.0, 0.0, 1.0]);
-        assert_eq!(plan.transforms[2].matrix, turned.matrix);
-        assert_eq!(plan.transforms[3].offset, [0.5, 0.0]);
-        assert!(plan.features & features::TEXTURE_TRANSFORMS != 0);
-    }
-
-    #[test]
-    fn lobes_have_records_where_a_material_uses_one() {
-        let mut scene = textured();
-        scene.materials[0].metallic = 0.0;
-        scene.materials.push(scene.materials[0].clone());
-        assert!(plan(&scene, &[Some(0), Some(1)]).extensions.is_empty());
-        let texture = Some(TextureRef::new(0, 0));
-        scene.materials[1].lobes = Lobes {
-            specular: 0.5,
-            specular_texture: texture,
-            specular_color_texture: texture,
-            clearcoat_texture: texture,
-            ior: 0.0,
-            ..Lobes::default()
-        };
-        let plan = plan(&scene, &[Some(0), Some(1)]);
-        assert_eq!(plan.extensions.len(), 2);
-        assert_eq!(plan.extensions[0], gpu::MaterialExtension::default());
-        let record = plan.extensions[1];
-        assert_eq!(record.lobes, gpu::LOBE_SPECULAR);
-        assert_eq!((record.specular_factor, record.dielectric_f0), (0.5, 1.0));
-        assert_eq!(record.clearcoat_tex, gpu::NO_TEXTURE);
-        let image = |slot: u32| plan.images[plan.slots[slot as usize].image as usize];
-        let specular = image(record.specular_tex);
-        assert_eq!(
-            (specular.role, specular.alpha),
-            (Role::Data, AlphaUse::Value)
-        );
-        assert_eq!(record.specular_color_tex, plan.materials[0].base_color_tex);
-    }
-
-    #[test]
-    fn indices_of_refraction_give_their_reflectance() {
-        for (ior, expected) in [(1.5, 0.04), (1.0, 0.0), (0.0, 1.0), (2.0, 1.0 / 9.0)] {
-            assert_eq!(dielectric_f0(ior), expected as f32, "{ior}");
-        }
-    }
-
-    #[test]
-    fn the_default_material_has_no_texture() {
-        let plan = plan(&Scene::default(), &[None]);
-        assert!(plan.images.is_empty() && plan.slots.is_empty());
-        assert_eq!(plan.materials[0], gpu::Material::default());
-    }
-}
+mod tests;

@@ -41,14 +41,9 @@ fn held(scene: &Scene) -> u64 {
 /// `limit-memory` where the geometry alone takes more.
 pub fn left_for_images(scene: &Scene, limit: u64) -> Result<u64> {
     let held = held(scene);
-    limit.checked_sub(held).ok_or_else(|| {
-        let source = scene.sources.first();
-        let origin = Origin {
-            file: source.map_or(scene.name.clone(), |source| source.path.clone()),
-            pointer: String::new(),
-        };
-        refused("the geometry", held, limit, &origin)
-    })
+    limit
+        .checked_sub(held)
+        .ok_or_else(|| refused("the geometry", held, limit, &scene.origin("")))
 }
 
 /// Bytes that encoding an image takes.

@@ -114,7 +114,7 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     })?;
     let geometry_seconds = clock.lap("geometry");
 
-    let plan = materials::plan(&scene, &prepared.materials_used);
+    let plan = materials::plan(&scene, &prepared.materials_used, options.textures.toksvig);
     let encoded = textures::encode_all(
         &scene,
         &plan,

@@ -26,6 +26,20 @@ pub struct Scene {
     pub diagnostics: Vec<Diagnostic>,
 }
 
+impl Scene {
+    /// A place in the scene file: a JSON pointer, or empty.
+    pub fn origin(&self, pointer: impl Into<String>) -> Origin {
+        let file = self
+            .sources
+            .first()
+            .map_or(&self.name, |source| &source.path);
+        Origin {
+            file: file.clone(),
+            pointer: pointer.into(),
+        }
+    }
+}
+
 /// A file the bake depends on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Source {

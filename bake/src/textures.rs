@@ -1,5 +1,7 @@
 //! Decodes and encodes the planned images, and lays all texels out in one section.
 
+mod rows;
+
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use cairn_format::TextureFormat;
@@ -10,9 +12,10 @@ use crate::bounded;
 use crate::cache::{self, Inputs, Kind, Session};
 use crate::content::{self, Stored};
 use crate::diagnostic::{Diagnostic, Result};
-use crate::encode::{EncodeOptions, EncodedTexture, Kernels, Role, TextureReport};
-use crate::import::decode_image;
-use crate::materials::{ImageUse, Plan};
+use crate::encode::toksvig::WideningReport;
+use crate::encode::{EncodeOptions, Kernels, Role};
+use crate::import::{DecodedImage, decode_image};
+use crate::materials::{ImageUse, Plan, Widening};
 use crate::memory;
 use crate::report::Row;
 use crate::scene::Scene;
@@ -134,9 +137,16 @@ pub fn encode_all(
     };
     let left = limits.memory;
     let needed = jobs.iter().map(|job| {
-        let images = job.iter().map(|&index| plan.images[index as usize].image);
-        let needed =
-            images.map(|image| memory::of_image(&scene.images[image as usize], left, limit_pixels));
+        let images = job.iter().flat_map(|&index| {
+            let wanted = &plan.images[index as usize];
+            [
+                Some(wanted.image),
+                wanted.widening.map(|widening| widening.normal),
+            ]
+        });
+        let needed = images
+            .flatten()
+            .map(|image| memory::of_image(&scene.images[image as usize], left, limit_pixels));
         needed.sum::<Result<u64>>()
     });
     let needed = needed.collect::<Result<Vec<u64>>>()?;
@@ -178,8 +188,7 @@ fn inputs(scene: &Scene, plan: &Plan, job: &[u32], options: &EncodeOptions, limi
     let machine = (options.kernels == Kernels::Native).then(cache::processor);
     let name = |index: &u32| {
         let wanted = &plan.images[*index as usize];
-        let image = &scene.images[wanted.image as usize];
-        format!("{} ({:?})", image.name, wanted.role)
+        format!("{} ({:?})", wanted.name(scene), wanted.role)
     };
     let names: Vec<String> = job.iter().map(name).collect();
     let mut inputs = Inputs::new(Kind::Texture, module_path!(), names.join(" and "))
@@ -195,6 +204,7 @@ fn inputs(scene: &Scene, plan: &Plan, job: &[u32], options: &EncodeOptions, limi
             channels,
             alpha,
             sampler,
+            widening,
         } = &plan.images[index as usize];
         let label = |what: &str| match number {
             0 => what.to_owned(),
@@ -206,6 +216,22 @@ fn inputs(scene: &Scene, plan: &Plan, job: &[u32], options: &EncodeOptions, limi
             .settings(&label("channels"), channels)
             .settings(&label("alpha"), alpha)
             .settings(&label("wrap"), &[sampler.wrap_u, sampler.wrap_v]);
+        if let Some(widening) = widening {
+            let Widening {
+                normal,
+                normal_wrap,
+                normal_scale,
+                factor,
+                textured,
+            } = widening;
+            inputs = inputs
+                .content(&label("normals"), &scene.images[*normal as usize].bytes)
+                .settings(&label("wrap of the normals"), normal_wrap)
+                .settings(
+                    &label("widening"),
+                    &(normal_scale.to_bits(), factor.to_bits(), textured),
+                );
+        }
     }
     inputs
 }
@@ -219,25 +245,57 @@ fn encode_job(
     limit_pixels: u64,
 ) -> Result<Vec<Stored>> {
     let wanted = |index: u32| &plan.images[index as usize];
-    let decode =
-        |index: u32| decode_image(&scene.images[wanted(index).image as usize], limit_pixels);
+    let read = |index: u32| read(scene, wanted(index), options, limit_pixels);
     if let &[occlusion, roughness] = job {
-        let images = [decode(occlusion)?, decode(roughness)?];
-        let both = [&images[0], &images[1]];
+        let (mut image, (other, widening)) = (read(occlusion)?.0, read(roughness)?);
+        if widening.is_some() {
+            content::fill_levels(&mut image, wanted(occlusion), options);
+        }
+        let both = [&image, &other];
         return Ok(
             match content::store_companions(both, wanted(roughness), options) {
-                Some(both) => vec![both],
-                None => images
-                    .into_iter()
-                    .zip(job)
-                    .map(|(image, index)| content::store(image, wanted(*index), options))
-                    .collect(),
+                Some(both) => vec![with(both, widening)],
+                None => vec![
+                    content::store(image, wanted(occlusion), options),
+                    with(content::store(other, wanted(roughness), options), widening),
+                ],
             },
         );
     }
     job.iter()
-        .map(|&index| Ok(content::store(decode(index)?, wanted(index), options)))
+        .map(|&index| {
+            let (image, widening) = read(index)?;
+            Ok(with(
+                content::store(image, wanted(index), options),
+                widening,
+            ))
+        })
         .collect()
+}
+
+fn with(mut stored: Stored, widening: Option<WideningReport>) -> Stored {
+    stored.texture.report.widening = widening;
+    stored
+}
+
+/// An image as materials read it, its roughness widened where that is asked for.
+fn read(
+    scene: &Scene,
+    wanted: &ImageUse,
+    options: &EncodeOptions,
+    limit_pixels: u64,
+) -> Result<(DecodedImage, Option<WideningReport>)> {
+    let decode = |image: u32| decode_image(&scene.images[image as usize], limit_pixels);
+    let Some(widening) = wanted.widening else {
+        return Ok((decode(wanted.image)?, None));
+    };
+    let normals = decode(widening.normal)?;
+    let data = match widening.textured {
+        true => Some(decode(wanted.image)?),
+        false => None,
+    };
+    let (image, report) = content::widen(&normals, data.as_ref(), wanted, &widening, options);
+    Ok((image, Some(report)))
 }
 
 /// Appends the encoded images; equal ones are stored once. Returns the stored index of each of the plan's.
@@ -260,8 +318,9 @@ pub fn store(texels: &mut Texels, scene: &Scene, plan: &Plan, encoded: &Encoded)
             indices.push(indices[twin]);
             continue;
         }
-        let image = &scene.images[plan.images[*first as usize].image as usize];
-        let name = &image.name;
+        let wanted = &plan.images[*first as usize];
+        let image = &scene.images[wanted.image as usize];
+        let name = &wanted.name(scene);
         let info = ImageInfo {
             name,
             role: match role {
@@ -277,7 +336,7 @@ pub fn store(texels: &mut Texels, scene: &Scene, plan: &Plan, encoded: &Encoded)
         };
         indices.push(texels.push(&info, texture.levels.iter().map(Vec::as_slice)));
         let bytes = texture.levels.iter().map(|level| level.len() as u64).sum();
-        texels.report.extend(rows(name, texture, bytes));
+        texels.report.extend(rows::of(name, texture, bytes));
         if let Some(lacks) = texture.report.missed_db {
             let message = format!(
                 "image `{name}` as {:?} reaches {:.2} dB, {lacks:.2} less than --texture-quality asks for; \
@@ -288,62 +347,16 @@ pub fn store(texels: &mut Texels, scene: &Scene, plan: &Plan, encoded: &Encoded)
             texels.diagnostics.push(warning);
         }
     }
+    let unpaired = plan.unpaired.iter().map(|&index| {
+        let name = &scene.materials[index as usize].name;
+        let message = format!(
+            "material `{name}` reads normals and roughness at different coordinates; --toksvig leaves its roughness alone"
+        );
+        let origin = scene.origin(format!("/materials/{index}"));
+        Diagnostic::warning("toksvig-unpaired", &origin, message)
+    });
+    texels.diagnostics.extend(unpaired);
     encoded.of.iter().map(|&texture| indices[texture]).collect()
-}
-
-/// The rows of one image in the speed-against-error report.
-fn rows(name: &str, texture: &EncodedTexture, bytes: u64) -> Vec<Row> {
-    let report: &TextureReport = &texture.report;
-    let setting = format!("{:?} {}", texture.format, report.codec.setting());
-    let row = |metric: String, error| Row {
-        stage: "texture".into(),
-        item: name.to_owned(),
-        setting: setting.trim_end().into(),
-        seconds: report.seconds,
-        throughput: Some(report.megapixels_per_second),
-        throughput_unit: "Mpix/s",
-        metric,
-        error,
-        bytes,
-    };
-    // A lossless image has no finite PSNR; 999 stands for it, since JSON has no infinity.
-    let finite = |psnr: f64| if psnr.is_finite() { psnr } else { 999.0 };
-    let mut rows = vec![
-        row("psnr dB".into(), finite(report.psnr_db)),
-        row("p99 block rmse /255".into(), report.p99_block_rmse),
-    ];
-    if let Some(psnr) = report.psnr_linear_light_db {
-        rows.push(row("psnr dB, linear light".into(), finite(psnr)));
-    }
-    if let Some(angle) = &report.normal_angle_deg {
-        rows.push(row("normal p50 degrees".into(), angle.p50));
-        rows.push(row("normal p99 degrees".into(), angle.p99));
-        rows.push(row("normal max degrees".into(), angle.max));
-    }
-    if let Some(lacks) = report.missed_db {
-        rows.push(row("psnr dB less the target".into(), -lacks));
-    }
-    let levels = report.alpha_coverage_delta.len();
-    for (level, delta) in report.alpha_coverage_delta.iter().enumerate() {
-        // The last level has one texel, which covers all or nothing.
-        let bound = if level + 1 == levels {
-            ", one texel"
-        } else {
-            ""
-        };
-        rows.push(row(
-            format!("alpha coverage delta, mip {level}{bound}"),
-            *delta,
-        ));
-    }
-    let coverage = report
-        .alpha_coverage_delta
-        .iter()
-        .take(levels.saturating_sub(1));
-    if let Some(worst) = coverage.map(|delta| delta.abs()).max_by(f64::total_cmp) {
-        rows.push(row("alpha coverage delta, worst mip".into(), worst));
-    }
-    rows
 }
 
 #[cfg(test)]

@@ -229,6 +229,18 @@ pub fn baked(scene: &str, sky: Option<&str>) -> Package {
     Package::from_bytes(&bytes).expect("a good package")
 }
 
+/// A camera of a package.
+///
+/// # Panics
+/// Where it has none of the name.
+pub fn camera(package: &Package, name: &str) -> cairn_player::camera::Camera {
+    let cameras = &package.scene().cameras;
+    let camera = cameras.iter().find(|camera| camera.name == name);
+    camera
+        .and_then(cairn_player::camera::Camera::from_package)
+        .unwrap_or_else(|| panic!("no camera {name}"))
+}
+
 /// World bounds of a package's scene.
 pub fn bounds(package: &Package) -> cairn_format::Aabb {
     let bounds = &package.scene().bounds;

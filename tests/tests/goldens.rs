@@ -5,7 +5,7 @@ use cairn_player::camera::Camera;
 use cairn_player::gpu::GpuOptions;
 use cairn_player::headless::{self, HeadlessImage, HeadlessOptions};
 use cairn_player::settings::{Brdf, Settings, Tonemap};
-use cairn_tests::{Bounds, Rgb, assert_golden, baked, bounds, require_vulkan};
+use cairn_tests::{Bounds, Rgb, assert_golden, baked, bounds, camera, require_vulkan};
 
 /// Drivers may round differently; edges may fall on the other side of a pixel's centre.
 const BOUNDS: Bounds = Bounds { mean: 0.35, p99: 4 };
@@ -34,14 +34,6 @@ fn view(package: &Package, camera: Camera, settings: Settings) -> HeadlessImage 
     image
 }
 
-fn named(package: &Package, name: &str) -> Camera {
-    let cameras = &package.scene().cameras;
-    let camera = cameras.iter().find(|camera| camera.name == name);
-    camera
-        .and_then(Camera::from_package)
-        .unwrap_or_else(|| panic!("no camera {name}"))
-}
-
 fn golden(name: &str, package: &Package, camera: Camera, settings: Settings) {
     let image = view(package, camera, settings);
     assert_golden(
@@ -57,11 +49,11 @@ fn golden_hall() {
         return;
     }
     let package = baked("hall/hall.gltf", Some("hall/sky.hdr"));
-    for camera in ["hero", "detail", "plant"] {
+    for name in ["hero", "detail", "plant"] {
         golden(
-            &format!("hall-{camera}"),
+            &format!("hall-{name}"),
             &package,
-            named(&package, camera),
+            camera(&package, name),
             Settings::default(),
         );
     }
@@ -74,7 +66,7 @@ fn golden_hall() {
     golden(
         "hall-turned-linear",
         &package,
-        named(&package, "hero"),
+        camera(&package, "hero"),
         turned,
     );
 }
@@ -93,14 +85,14 @@ fn golden_materials() {
         golden(
             &format!("materials-{name}"),
             &package,
-            named(&package, "persp"),
+            camera(&package, "persp"),
             settings,
         );
     }
     golden(
         "materials-ortho",
         &package,
-        named(&package, "ortho"),
+        camera(&package, "ortho"),
         Settings::default(),
     );
     for debug_view in 1..=12 {
@@ -111,7 +103,7 @@ fn golden_materials() {
         golden(
             &format!("materials-view-{debug_view}"),
             &package,
-            named(&package, "persp"),
+            camera(&package, "persp"),
             settings,
         );
     }
@@ -130,13 +122,13 @@ fn golden_lobes() {
             ..Settings::default()
         };
         let name = format!("lobes-{tonemap:?}").to_lowercase();
-        golden(&name, &package, named(&package, "main"), settings);
+        golden(&name, &package, camera(&package, "main"), settings);
     }
     let night = Settings {
         ibl_intensity: 0.0,
         ..Settings::default()
     };
-    golden("lobes-night", &package, named(&package, "main"), night);
+    golden("lobes-night", &package, camera(&package, "main"), night);
 }
 
 #[test]
@@ -148,7 +140,7 @@ fn golden_lights() {
     golden(
         "lights",
         &package,
-        named(&package, "main"),
+        camera(&package, "main"),
         Settings::default(),
     );
 }

@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use super::clock;
 use crate::diagnostic::Result;
-use crate::encode::LogError;
 use crate::encode::peers::{self, HalfBlocks, HalfEncoder};
+use crate::encode::{LogError, half_bits};
 use crate::environment::{EnvironmentOptions, Equirect, SunMode, bake_environment};
 use crate::import::load_environment;
 
@@ -135,7 +135,7 @@ fn cut(across: usize, down: usize, texel: impl Fn(usize, usize) -> [f32; 3]) -> 
         let (left, top) = (block % (across / 4) * 4, block / (across / 4) * 4);
         std::array::from_fn(|at| {
             let radiance = texel(left + at % 4, top + at / 4);
-            radiance.map(|channel| f16::from_f32(channel.clamp(0.0, 65504.0)).to_bits())
+            radiance.map(half_bits)
         })
     });
     HalfBlocks::new(blocks.collect())

@@ -238,6 +238,7 @@ impl<'a> Chain<'a> {
                 p99_block_rmse: top.p99_block_rmse,
                 normal_angle_deg: top.angle_deg,
                 normal_mean_length: self.mean_lengths,
+                widening: None,
                 alpha_coverage: masked.then_some(self.coverage),
                 alpha_coverage_delta: self
                     .coverages
@@ -252,7 +253,12 @@ impl<'a> Chain<'a> {
 }
 
 /// Texels in the space they are filtered in; where nothing reads alpha, it is one.
-fn plane(texels: &[[u16; 4]], [width, height]: [u32; 2], role: Role, alpha: AlphaUse) -> Plane {
+pub(super) fn plane(
+    texels: &[[u16; 4]],
+    [width, height]: [u32; 2],
+    role: Role,
+    alpha: AlphaUse,
+) -> Plane {
     let opaque = matches!(alpha, AlphaUse::Ignore | AlphaUse::Opaque);
     let texels = texels.par_iter().map(|&texel| {
         let [x, y, z, alpha] = role.filterable(texel);

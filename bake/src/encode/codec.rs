@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::bc::Image;
 use super::ispc;
+use super::role::unorm16;
 use super::{
     Effort, EncodeOptions, Kernels, Quality, Role, SkyFormat, Target, bc5, bc6h, bc7, hdr, uastc,
 };
@@ -212,7 +213,7 @@ fn plain(role: Role, image: &Image) -> Vec<u8> {
         return image.codes.as_flattened().to_vec();
     }
     let wide = image.exact.iter().flat_map(|&texel| role.stored(texel));
-    wide.flat_map(|value| ((value * 65535.0 + 0.5) as u16).to_le_bytes())
+    wide.flat_map(|value| unorm16(value).to_le_bytes())
         .collect()
 }
 

@@ -154,6 +154,13 @@ fn resample(plane: &Plane, across: &Kernel, down: &Kernel) -> Plane {
     }
 }
 
+/// Bilinear interpolation at the centres of more texels, as samplers magnify.
+pub(super) fn enlarge(plane: &Plane, [width, height]: [u32; 2], wrap: [Wrap; 2]) -> Plane {
+    let across = Kernel::bilinear(plane.width, width, wrap[0]);
+    let down = Kernel::bilinear(plane.height, height, wrap[1]);
+    resample(plane, &across, &down)
+}
+
 fn weighted_sum(taps: &[(usize, f32)], texel: impl Fn(usize) -> [f32; 4]) -> [f32; 4] {
     let mut sum = [0.0_f32; 4];
     for &(index, weight) in taps {
@@ -177,6 +184,24 @@ impl Kernel {
             match filter {
                 MipFilter::Kaiser if extent > 1 => kernel.push_kaiser(index, extent, out, wrap),
                 _ => kernel.push_box(index, extent, out),
+            }
+            kernel.ranges.push(start..kernel.taps.len());
+        }
+        kernel
+    }
+
+    fn bilinear(extent: u32, out: u32, wrap: Wrap) -> Self {
+        let mut kernel = Self {
+            ranges: Vec::new(),
+            taps: Vec::new(),
+        };
+        for index in 0..out {
+            let start = kernel.taps.len();
+            let at = (f64::from(index) + 0.5) * f64::from(extent) / f64::from(out) - 0.5;
+            let share = (at - at.floor()) as f32;
+            for (step, weight) in [(0, 1.0 - share), (1, share)] {
+                let texel = wrapped(at.floor() as i64 + step, extent, wrap);
+                kernel.taps.push((texel, weight));
             }
             kernel.ranges.push(start..kernel.taps.len());
         }

@@ -18,6 +18,7 @@ pub mod peers;
 mod role;
 mod settings;
 pub(crate) mod srgb;
+pub mod toksvig;
 mod uastc;
 mod wide;
 
@@ -29,14 +30,15 @@ use serde::Serialize;
 
 pub use codec::Codec;
 pub use error::AngleError;
-pub(crate) use hdr::unpack_rgb9e5;
 pub use hdr::{LogError, RadianceError, SkyFormat};
+pub(crate) use hdr::{half_bits, unpack_rgb9e5};
 pub use mips::MipFilter;
 pub use role::Role;
 pub use settings::{Effort, EncodeOptions, Kernels, Quality, Target, native_isa};
 
 use crate::scene::Wrap;
 use chain::Chain;
+use toksvig::WideningReport;
 
 /// What materials read from the alpha channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,6 +101,8 @@ pub struct TextureReport {
     /// Mean length of the averaged normals of each level: 1 where the surface under a texel is flat, less
     /// the more its normals spread. Empty unless normals.
     pub normal_mean_length: Vec<f64>,
+    /// What averaged normals did to roughness, where `EncodeOptions::toksvig` asks for it and the texture holds some.
+    pub widening: Option<WideningReport>,
     /// Share of the source that passes the alpha test, where it is masked.
     pub alpha_coverage: Option<f64>,
     /// Coverage of each level as stored less that of the source; empty unless masked. A level of one texel has
@@ -147,6 +151,20 @@ pub fn encode_levels(
         chain.push_level();
     }
     chain.finish(start.elapsed().as_secs_f64())
+}
+
+/// Levels 1, 2, ... of data, filtered as [`encode`] does.
+pub fn data_levels(source: &Source, filter: MipFilter) -> Vec<Vec<[u16; 4]>> {
+    let size = [source.width, source.height];
+    let mut plane = chain::plane(source.texels, size, Role::Data, source.alpha);
+    let wrap = [source.wrap_u, source.wrap_v];
+    (1..full_mip_count(source.width, source.height))
+        .map(|_| {
+            plane = mips::halve(&plane, filter, wrap, mips::Weighting::Plain);
+            let texels = plane.texels.iter();
+            texels.map(|texel| texel.map(role::unorm16)).collect()
+        })
+        .collect()
 }
 
 /// The only value of a constant image. Alpha counts, whatever `source.alpha` says.

@@ -129,6 +129,11 @@ pub(super) fn unorm8(value: f32) -> u8 {
     (value * 255.0 + 0.5) as u8
 }
 
+/// The nearest 16-bit code of a value in [0,1]; clamps.
+pub(super) fn unorm16(value: f32) -> u16 {
+    (value * 65535.0 + 0.5) as u16
+}
+
 /// xyz normalised; (0,0,1) where it has no direction.
 pub(super) fn unit_normal(texel: [f32; 4]) -> [f32; 4] {
     let vector = Vec3::new(texel[0], texel[1], texel[2]);

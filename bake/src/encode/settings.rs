@@ -171,6 +171,8 @@ pub struct EncodeOptions {
     pub kernels: Kernels,
     /// Whether the alpha of masked textures is only filtered: coverage then falls with distance.
     pub plain_alpha: bool,
+    /// Whether the length that averaged normals lose becomes roughness.
+    pub toksvig: bool,
     pub target: Target,
 }
 
@@ -189,6 +191,9 @@ impl EncodeOptions {
         }
         if self.plain_alpha {
             settings.push(("plain-alpha", "on".into()));
+        }
+        if self.toksvig {
+            settings.push(("toksvig", "on".into()));
         }
         settings
     }

@@ -12,7 +12,6 @@ use super::geometry::Stored;
 use super::instances::Placed;
 use super::materials::{self, MaterialUse};
 use super::matrix::cross;
-use super::origin;
 
 /// Longest list: 400 MB. A longer one is left out, and said so.
 const MAX_TRIANGLES: u64 = 1 << 22;
@@ -80,7 +79,7 @@ fn too_many(scene: &Scene, count: u64) -> Diagnostic {
         "{count} triangles emit light, and {MAX_TRIANGLES} can be sampled: none is listed, and paths find them \
          by chance alone; simplify the emissive meshes"
     );
-    Diagnostic::warning("emissive-triangles", &origin(scene), message)
+    Diagnostic::warning("emissive-triangles", &scene.origin(""), message)
 }
 
 fn emitters<'a>(scene: &Scene, geometry: &'a Stored, node: &MeshInstance) -> Vec<Emitter<'a>> {

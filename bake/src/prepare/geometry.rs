@@ -15,7 +15,7 @@ use super::materials;
 use super::order::Policy;
 use super::primitive::Built;
 use super::steps::Steps;
-use super::{GeometryStats, colors, fault, origin};
+use super::{GeometryStats, colors, fault};
 
 /// Vulkan's vertex offset is signed.
 const MAX_VERTICES: u64 = i32::MAX as u64;
@@ -65,7 +65,7 @@ pub(super) fn build(
                 "mesh `{name}`: {why}; its normal map is lit with arbitrary tangents, \
                  export it with TANGENT"
             );
-            let warning = Diagnostic::warning("tangents-arbitrary", &origin(scene), message);
+            let warning = Diagnostic::warning("tangents-arbitrary", &scene.origin(""), message);
             stored.diagnostics.push(warning);
         }
         let opaque = alpha_mode(scene, material) == AlphaMode::Opaque;

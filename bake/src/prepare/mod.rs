@@ -29,7 +29,7 @@ use cairn_format::{Aabb, Vertex, features, gpu};
 
 use crate::cache::Session;
 use crate::diagnostic::{BakeError, Diagnostic, Result};
-use crate::scene::{Origin, Scene};
+use crate::scene::Scene;
 
 use geometry::Stored;
 use steps::Step;
@@ -342,20 +342,8 @@ fn report(stats: &GeometryStats, geometry: &Stored, instances: usize) -> Vec<Rep
     rows
 }
 
-/// Where messages about `scene` point to.
-fn origin(scene: &Scene) -> Origin {
-    let file = scene
-        .sources
-        .first()
-        .map_or(&scene.name, |source| &source.path);
-    Origin {
-        file: file.clone(),
-        pointer: String::new(),
-    }
-}
-
 fn fault(scene: &Scene, code: &'static str, message: impl Into<String>) -> BakeError {
-    BakeError::input(code, &origin(scene), message)
+    BakeError::input(code, &scene.origin(""), message)
 }
 
 #[cfg(test)]

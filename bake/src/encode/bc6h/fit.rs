@@ -132,7 +132,7 @@ impl<S: Simd, const R: usize> FitRegions<'_, S, R> {
             for step in [-1.0, 1.0] {
                 let mut ends = from;
                 let stored = &mut ends.stored[at / 6][at / 3 % 2][at % 3];
-                *stored = *stored + stored.of(step);
+                *stored += stored.of(step);
                 ends.grid.bound::<R>(&mut ends.stored);
                 better |= self.measure(&ends, best);
             }
