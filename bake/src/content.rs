@@ -6,7 +6,8 @@ use cairn_format::scene::{IDENTITY_SWIZZLE, Swizzle};
 use crate::constants::constant;
 use crate::encode::toksvig::{self, WideningReport};
 use crate::encode::{
-    AlphaUse, EncodeOptions, EncodedTexture, Role, Source, data_levels, encode_levels, is_opaque,
+    AlphaUse, Altered, Codec, EncodeOptions, EncodedTexture, Role, Source, Target, Universal,
+    data_levels, encode_levels, is_opaque,
 };
 use crate::import::DecodedImage;
 use crate::materials::{ImageUse, Widening};
@@ -25,16 +26,26 @@ struct Plan {
     role: Role,
     alpha: AlphaUse,
     swizzle: [Swizzle; 4],
+    /// Why the blocks of the file are not stored, where they could have been.
+    altered: Option<Altered>,
 }
 
 /// Encodes an image as `wanted` asks for.
 pub fn store(mut image: DecodedImage, wanted: &ImageUse, options: &EncodeOptions) -> Stored {
     let held = held(&image, wanted.channels);
+    let mut altered = None;
     if held.iter().all(|channel| *channel != Held::Varies) {
         image.width = 1;
         image.height = 1;
         image.texels.truncate(1);
         image.smaller.clear();
+        altered = image.universal.take().map(|_| Altered::Constant);
+    }
+    match wanted.role {
+        Role::Normal if image.pair => image.rebuild_normals(),
+        // Of blocks of a pair, shaders would read grey.
+        Role::Color if image.pair => image.universal = None,
+        _ => {}
     }
     let alpha = if wanted.alpha != AlphaUse::Ignore && is_opaque(&image.texels) {
         AlphaUse::Opaque
@@ -42,7 +53,10 @@ pub fn store(mut image: DecodedImage, wanted: &ImageUse, options: &EncodeOptions
         wanted.alpha
     };
     let plan = match wanted.role {
-        Role::Data => data(image, held, alpha, options),
+        Role::Data => Plan {
+            altered,
+            ..data(image, held, alpha, options)
+        },
         role => Plan {
             image,
             role,
@@ -52,6 +66,7 @@ pub fn store(mut image: DecodedImage, wanted: &ImageUse, options: &EncodeOptions
             } else {
                 IDENTITY_SWIZZLE
             },
+            altered,
         },
     };
     finish(&plan, wanted, options)
@@ -85,8 +100,13 @@ pub fn store_companions(
     let image = DecodedImage {
         texels: pair(&occlusion.texels, &roughness.texels),
         smaller: smaller.map(|(first, second)| pair(first, second)).collect(),
+        pair: true,
+        universal: None,
         ..*occlusion
     };
+    let altered = [occlusion, roughness]
+        .iter()
+        .any(|image| image.universal.is_some());
     let mut read = [Some(0), None, None, None];
     read[channel] = Some(1);
     let mut swizzle = swizzle(Role::Pair, read, options);
@@ -98,6 +118,7 @@ pub fn store_companions(
         role: Role::Pair,
         alpha: AlphaUse::Ignore,
         swizzle,
+        altered: altered.then_some(Altered::Packed),
     };
     Some(finish(&plan, wanted, options))
 }
@@ -153,6 +174,9 @@ fn data(
     let stored: Vec<usize> = (0..4)
         .filter(|&channel| matches!(held[channel], Held::Value | Held::Varies))
         .collect();
+    if options.target == Target::Portable && image.universal.is_some() {
+        return as_it_is(image, held, alpha, options);
+    }
     let role = match stored.len() {
         0 | 1 => Role::Single,
         2 => Role::Pair,
@@ -162,6 +186,7 @@ fn data(
                 role: Role::Data,
                 alpha,
                 swizzle: IDENTITY_SWIZZLE,
+                altered: None,
             };
         }
     };
@@ -171,6 +196,7 @@ fn data(
             *texel = [channel(0), channel(1), 0, u16::MAX];
         }
     };
+    image.universal = None;
     moved(&mut image.texels);
     image.smaller.iter_mut().for_each(moved);
     let place = |channel| stored.iter().position(|&stored| stored == channel);
@@ -183,6 +209,33 @@ fn data(
         role,
         alpha: AlphaUse::Ignore,
         swizzle,
+        altered: None,
+    }
+}
+
+/// Data in the channels that the blocks of the file have.
+fn as_it_is(
+    image: DecodedImage,
+    held: [Held; 4],
+    alpha: AlphaUse,
+    options: &EncodeOptions,
+) -> Plan {
+    let (role, mut read) = match image.pair {
+        true => (
+            Role::Pair,
+            swizzle(Role::Pair, [Some(0), Some(1), None, None], options),
+        ),
+        false => (Role::Data, IDENTITY_SWIZZLE),
+    };
+    for (read, held) in read.iter_mut().zip(&held) {
+        *read = held.constant().unwrap_or(*read);
+    }
+    Plan {
+        image,
+        role,
+        alpha,
+        swizzle: read,
+        altered: None,
     }
 }
 
@@ -225,6 +278,8 @@ pub fn widen(
         smaller: levels.collect(),
         source_bits: 16,
         has_alpha: false,
+        pair: false,
+        universal: None,
     };
     (image, widened.report)
 }
@@ -249,12 +304,25 @@ fn source<'a>(image: &'a DecodedImage, wanted: &ImageUse, alpha: AlphaUse) -> So
 
 fn finish(plan: &Plan, wanted: &ImageUse, options: &EncodeOptions) -> Stored {
     let source = source(&plan.image, wanted, plan.alpha);
+    let universal = plan.image.universal.as_ref().map(|universal| Universal {
+        levels: &universal.levels,
+        pair: plan.image.pair,
+    });
+    let mut texture = encode_levels(&source, &plan.image.smaller, universal, plan.role, options);
+    texture.report.altered_levels.extend(plan.altered);
+    let mut swizzle = plan.swizzle;
+    if plan.role == Role::Normal && texture.report.codec == Codec::Passed && !plan.image.pair {
+        swizzle[1] = Swizzle::Green;
+    }
     Stored {
-        texture: encode_levels(&source, &plan.image.smaller, plan.role, options),
+        texture,
         role: plan.role,
-        swizzle: plan.swizzle,
+        swizzle,
     }
 }
+
+#[cfg(test)]
+mod universal_tests;
 
 #[cfg(test)]
 mod tests {
@@ -273,6 +341,8 @@ mod tests {
             smaller: Vec::new(),
             source_bits: 16,
             has_alpha: false,
+            pair: false,
+            universal: None,
         }
     }
 

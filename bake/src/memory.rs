@@ -1,6 +1,7 @@
 //! The memory that a bake may take: textures are decoded fewer at a time to stay within, and what cannot is refused.
 
 use std::ops::Range;
+use std::path::Path;
 
 use crate::diagnostic::{BakeError, Result};
 use crate::import::image_header;
@@ -16,6 +17,10 @@ const BYTES_PER_TEXEL: u64 = 48;
 /// Bytes for each corner of a triangle while geometry is prepared, all attributes and orders included; twice what a mesh
 /// of 1.15 million triangles was seen to take.
 const BYTES_PER_CORNER: u64 = 64;
+
+/// Bytes for each pixel of a panorama while it becomes cubes, of which a sky's finest takes a fourth; a panorama of 33
+/// million was seen to take 43 beside its file.
+const BYTES_PER_PANORAMA_PIXEL: u64 = 48;
 
 /// Bytes that the scene takes before any image is decoded.
 fn held(scene: &Scene) -> u64 {
@@ -35,15 +40,33 @@ fn held(scene: &Scene) -> u64 {
         .saturating_add(files)
 }
 
-/// What is left of `limit` for images.
+/// What is left of `limit` for images, beside the geometry and a panorama of `panorama` bytes.
 ///
 /// # Errors
-/// `limit-memory` where the geometry alone takes more.
-pub fn left_for_images(scene: &Scene, limit: u64) -> Result<u64> {
-    let held = held(scene);
+/// `limit-memory` where these alone take more.
+pub fn left_for_images(scene: &Scene, panorama: u64, limit: u64) -> Result<u64> {
+    let held = held(scene).saturating_add(panorama);
     limit
         .checked_sub(held)
         .ok_or_else(|| refused("the geometry", held, limit, &scene.origin("")))
+}
+
+/// Whether a panorama of `pixels` in a file of `bytes` can be worked on.
+///
+/// # Errors
+/// `limit-memory` where it takes more than `limit`.
+pub fn check_panorama(path: &Path, bytes: u64, pixels: u64, limit: u64) -> Result<()> {
+    let needed = pixels
+        .saturating_mul(BYTES_PER_PANORAMA_PIXEL)
+        .saturating_add(bytes);
+    if needed <= limit {
+        return Ok(());
+    }
+    let origin = Origin {
+        file: path.display().to_string(),
+        pointer: String::new(),
+    };
+    Err(refused("the environment", needed, limit, &origin))
 }
 
 /// Bytes that encoding an image takes.

@@ -8,7 +8,8 @@ use crate::cache::{Inputs, Kind, Session};
 use crate::diagnostic::{Diagnostic, Result};
 use crate::encode::Codec;
 use crate::environment::EnvironmentOptions;
-use crate::import::{EnvironmentImage, decode_environment, read_environment};
+use crate::import::{EnvironmentImage, decode_environment, environment_pixels, read_environment};
+use crate::memory;
 use crate::scene::Source;
 use crate::sky;
 use crate::textures::Texels;
@@ -38,14 +39,18 @@ impl Panorama {
     /// Reads the file; a broken one is an error now, before time is spent on the scene.
     ///
     /// # Errors
-    /// As [`crate::import::load_environment`].
+    /// As [`crate::import::load_environment`], and `limit-memory` where the work on it takes more than `limit_memory`.
     pub fn open(
         path: &Path,
         light: &EnvironmentOptions,
         codec: Codec,
+        limit_memory: u64,
         session: &Session,
     ) -> Result<Self> {
         let (bytes, source) = read_environment(path)?;
+        if let Some(pixels) = environment_pixels(&bytes) {
+            memory::check_panorama(path, bytes.len() as u64, pixels, limit_memory)?;
+        }
         let mut panorama = Self {
             path: path.to_owned(),
             bytes,
@@ -58,6 +63,12 @@ impl Panorama {
             panorama.image = Some(panorama.decode()?);
         }
         Ok(panorama)
+    }
+
+    /// Bytes that it takes while nothing is done with it.
+    pub fn held_bytes(&self) -> u64 {
+        let texels = self.image.as_ref().map_or(&[][..], |image| &image.texels);
+        (self.bytes.len() + size_of_val(texels)) as u64
     }
 
     fn decode(&self) -> Result<EnvironmentImage> {
@@ -179,7 +190,8 @@ mod tests {
         };
         let bake = |file: &str, session: &Session| {
             let codec = Codec::Half;
-            let mut panorama = Panorama::open(&path(file), &light, codec, session).expect("a sky");
+            let mut panorama =
+                Panorama::open(&path(file), &light, codec, u64::MAX, session).expect("a sky");
             let decoded = panorama.image.is_some();
             // Something before it, which must not matter.
             let mut texels = Texels::default();

@@ -100,7 +100,10 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     let mut environment = options
         .environment
         .as_deref()
-        .map(|path| Panorama::open(path, &options.light, radiance, &session))
+        .map(|path| {
+            let limit = options.limit_memory;
+            Panorama::open(path, &options.light, radiance, limit, &session)
+        })
         .transpose()?;
     clock.lap("import");
 
@@ -108,7 +111,8 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
     clock.lap("constants");
 
     // Preparing takes the meshes out of the scene.
-    let left = memory::left_for_images(&scene, options.limit_memory)?;
+    let panorama = environment.as_ref().map_or(0, Panorama::held_bytes);
+    let left = memory::left_for_images(&scene, panorama, options.limit_memory)?;
     let mut prepared = prepare_cached(&mut scene, &session, &|fraction| {
         progress.update("geometry", fraction)
     })?;

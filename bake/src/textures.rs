@@ -289,7 +289,10 @@ fn read(
     let Some(widening) = wanted.widening else {
         return Ok((decode(wanted.image)?, None));
     };
-    let normals = decode(widening.normal)?;
+    let mut normals = decode(widening.normal)?;
+    if normals.pair {
+        normals.rebuild_normals();
+    }
     let data = match widening.textured {
         true => Some(decode(wanted.image)?),
         false => None,

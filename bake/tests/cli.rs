@@ -402,4 +402,21 @@ fn memory_may_be_limited() {
         );
         assert!(!tight.exists());
     }
+    // A panorama counts before it is decoded: 512 x 256 of 48 bytes.
+    let sky = assets().join("hall/sky.hdr");
+    let scene = assets().join("box/box.gltf");
+    for (limit, code) in [("6M", 2), ("7M", 0)] {
+        let flags = [
+            "--cache",
+            "off",
+            "--limit-memory",
+            limit,
+            "--env",
+            path(&sky),
+        ];
+        let done = bake(&[&[path(&scene), "-o", path(&tight)], &flags[..]].concat());
+        let message = text(&done.stderr);
+        assert_eq!(done.status.code(), Some(code), "{limit}: {message}");
+        assert_eq!(message.contains("the environment takes"), code == 2);
+    }
 }

@@ -5,9 +5,14 @@ use cairn_format::texture::{full_mip_count, mip_extent};
 use rayon::prelude::*;
 
 use super::mips::{self, Plane, Weighting};
+use super::role::unorm8;
 use super::{AlphaUse, Codec, EncodeOptions, EncodedTexture, Role, Source, TextureReport};
-use super::{bc, bleed, coverage, error, masked};
+use super::{Altered, bc, bleed, coverage, error, masked};
 use crate::scene::Wrap;
+
+mod pass;
+
+pub use pass::Universal;
 
 /// See the module.
 pub(super) struct Chain<'a> {
@@ -18,6 +23,13 @@ pub(super) struct Chain<'a> {
     /// Whether level 0 is no longer the source's own texels.
     altered: bool,
     codec: Codec,
+    universal: Option<Universal<'a>>,
+    /// What level 0 is stored by, where that is no encoder.
+    first: Option<Codec>,
+    /// Why levels of the file are encoded again.
+    altered_levels: Vec<Altered>,
+    /// Stored channels of pairs and normals.
+    places: [usize; 2],
     missed_db: Option<f64>,
     levels: Vec<Vec<u8>>,
     errors: Vec<error::LevelError>,
@@ -29,7 +41,12 @@ pub(super) struct Chain<'a> {
 }
 
 impl<'a> Chain<'a> {
-    pub fn new(source: &'a Source, role: Role, options: &'a EncodeOptions) -> Self {
+    pub fn new(
+        source: &'a Source,
+        universal: Option<Universal<'a>>,
+        role: Role,
+        options: &'a EncodeOptions,
+    ) -> Self {
         assert!(source.width > 0 && source.height > 0, "the image is empty");
         assert_eq!(
             source.texels.len() as u64,
@@ -47,6 +64,10 @@ impl<'a> Chain<'a> {
             plane,
             altered,
             codec: Codec::allowed(role, options)[0],
+            universal,
+            first: None,
+            altered_levels: Vec::new(),
+            places: role.pair_channels(options.target),
             missed_db: None,
             levels: Vec::with_capacity(levels),
             errors: Vec::with_capacity(levels),
@@ -104,15 +125,18 @@ impl<'a> Chain<'a> {
         self.altered = true;
     }
 
-    /// Compresses and measures the level; the first one decides the encoder.
+    /// Stores the level as the file has it, or else compresses and measures it; the first one decides the encoder.
     pub fn push_level(&mut self) {
+        if self.pass_level() {
+            return;
+        }
         let mut codes: Vec<[u8; 4]> = self
             .plane
             .texels
             .par_iter()
             .map(|&texel| self.role.codes(texel))
             .collect();
-        let blocks = match self.mask() {
+        let (blocks, error) = match self.mask() {
             Some(grid) if !self.levels.is_empty() && !self.options.plain_alpha => {
                 let coverage = self.coverage;
                 let compress = |codes: &[[u8; 4]]| self.compress(self.codec, codes);
@@ -125,9 +149,8 @@ impl<'a> Chain<'a> {
                     &compress,
                 );
                 self.coverages.push(found.coverage);
-                self.errors
-                    .push(self.measure(&found.blocks, Some(&found.alpha)));
-                found.blocks
+                let error = self.measure(&found.blocks, Some(&found.alpha));
+                (found.blocks, error)
             }
             mask => {
                 let (blocks, error) = self.choose(&codes);
@@ -135,10 +158,14 @@ impl<'a> Chain<'a> {
                     let alpha = bc::decode_alpha(self.format(), &blocks, grid.width, grid.height);
                     self.coverages.push(grid.coverage(&alpha));
                 }
-                self.errors.push(error);
-                blocks
+                (blocks, error)
             }
         };
+        self.store(blocks, error);
+    }
+
+    fn store(&mut self, blocks: Vec<u8>, error: error::LevelError) {
+        self.errors.push(error);
         if self.role == Role::Normal {
             self.mean_lengths.push(mean_length(&self.plane.texels));
         }
@@ -185,11 +212,28 @@ impl<'a> Chain<'a> {
             exact: &self.plane.texels,
             alpha_is_read: self.source.alpha != AlphaUse::Ignore,
         };
-        codec.compress(self.role, &image)
+        // Normals beside those of a file that has them as colour.
+        let role = match self.role {
+            Role::Normal if self.places != Role::Normal.pair_channels(self.options.target) => {
+                Role::Data
+            }
+            role => role,
+        };
+        codec.compress(role, &image)
     }
 
     /// The error of a level's blocks; `alpha` stands for the filtered alpha where it was changed.
     fn measure(&self, blocks: &[u8], alpha: Option<&[f32]>) -> error::LevelError {
+        self.measure_at(blocks, alpha, self.places)
+    }
+
+    /// As [`Self::measure`], of pairs and normals in the channels `places`.
+    fn measure_at(
+        &self,
+        blocks: &[u8],
+        alpha: Option<&[f32]>,
+        places: [usize; 2],
+    ) -> error::LevelError {
         let role = self.role;
         let reads_alpha = !matches!(self.source.alpha, AlphaUse::Ignore | AlphaUse::Opaque);
         let channels = role.channels(reads_alpha);
@@ -209,7 +253,8 @@ impl<'a> Chain<'a> {
         };
         error::Level {
             role,
-            target: self.options.target,
+            format: self.format(),
+            places,
             width: self.plane.width,
             height: self.plane.height,
             blocks,
@@ -230,7 +275,8 @@ impl<'a> Chain<'a> {
             height: self.source.height,
             levels: self.levels,
             report: TextureReport {
-                codec: self.codec,
+                codec: self.first.unwrap_or(self.codec),
+                altered_levels: self.altered_levels,
                 missed_db: self.missed_db,
                 psnr_db: top.psnr_db,
                 level_psnr_db: self.errors.iter().map(|error| error.psnr_db).collect(),

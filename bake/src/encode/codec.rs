@@ -27,6 +27,10 @@ pub enum Codec {
     Uastc { quality: Quality },
     /// No blocks: the codes as they are, normals in 16 bits.
     Plain,
+    /// Not encoded: the universal blocks of the file.
+    Passed,
+    /// Not encoded: the universal blocks of the file, rewritten as BC7.
+    Transcoded,
     /// Radiance; the squared error of half floats' bits is made small.
     Bc6h { quality: Quality },
     /// Radiance in half floats.
@@ -100,6 +104,8 @@ impl Codec {
             } => quality.name().into(),
             Self::Bc7 { quality, .. } => format!("{} native", quality.name()),
             Self::Uastc { quality } | Self::Bc6h { quality } => quality.name().into(),
+            Self::Passed => "passed through".into(),
+            Self::Transcoded => "transcoded".into(),
             Self::Bc5 | Self::Bc4 | Self::Plain | Self::Half | Self::SharedExponent => {
                 String::new()
             }
@@ -110,7 +116,9 @@ impl Codec {
         match self {
             Self::Bc7 { .. } | Self::Bc5 | Self::Uastc { .. } | Self::Bc6h { .. } => 16,
             Self::Bc4 => 8,
-            Self::Plain | Self::Half | Self::SharedExponent => unreachable!(),
+            Self::Plain | Self::Passed | Self::Transcoded | Self::Half | Self::SharedExponent => {
+                unreachable!()
+            }
         }
     }
 
@@ -166,9 +174,12 @@ impl Codec {
                     *out = uastc::compress_block(&texels, true, search);
                 }
             }
-            Self::Plain | Self::Bc6h { .. } | Self::Half | Self::SharedExponent => {
-                unreachable!("neither texels nor radiance are blocks of images")
-            }
+            Self::Plain
+            | Self::Passed
+            | Self::Transcoded
+            | Self::Bc6h { .. }
+            | Self::Half
+            | Self::SharedExponent => unreachable!("no block encoder of images"),
         }
     }
 
@@ -200,9 +211,7 @@ impl Codec {
                 let words = texels.iter().map(|texel| hdr::pack_rgb9e5(*texel));
                 words.flat_map(u32::to_le_bytes).collect()
             }
-            Self::Bc7 { .. } | Self::Bc5 | Self::Bc4 | Self::Uastc { .. } | Self::Plain => {
-                unreachable!("an encoder of images")
-            }
+            _ => unreachable!("an encoder of images"),
         }
     }
 }

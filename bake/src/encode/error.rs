@@ -1,10 +1,11 @@
 //! Error of compressed blocks against the f32 level they were made of.
 
+use cairn_format::TextureFormat;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::role::{Role, unit_normal};
-use super::{Target, bc, srgb};
+use super::{bc, srgb};
 
 /// Angles between stored and exact normals, degrees.
 #[derive(
@@ -28,10 +29,24 @@ pub(super) struct LevelError {
     pub angle_deg: Option<AngleError>,
 }
 
+impl LevelError {
+    /// That of blocks which are the source itself.
+    pub fn none(role: Role) -> Self {
+        Self {
+            psnr_db: f64::INFINITY,
+            psnr_linear_light_db: (role == Role::Color).then_some(f64::INFINITY),
+            p99_block_rmse: 0.0,
+            angle_deg: None,
+        }
+    }
+}
+
 /// One level and its exact values.
 pub(super) struct Level<'a, F> {
     pub role: Role,
-    pub target: Target,
+    pub format: TextureFormat,
+    /// Stored channels of pairs and normals.
+    pub places: [usize; 2],
     pub width: u32,
     pub height: u32,
     pub blocks: &'a [u8],
@@ -79,7 +94,7 @@ impl<F: Fn(usize) -> [f32; 4] + Sync> Level<'_, F> {
     }
 
     fn decode(&self, index: usize, block: [usize; 2]) -> bc::Block {
-        let format = self.role.format(self.target);
+        let format = self.format;
         if format.block_extent() == 1 {
             let size = [self.width as usize, self.height as usize];
             return bc::decode_plain(format, self.blocks, size, block);
@@ -90,7 +105,7 @@ impl<F: Fn(usize) -> [f32; 4] + Sync> Level<'_, F> {
 
     fn measure_block(&self, index: usize, block: [usize; 2]) -> BlockError {
         let decoded = self.decode(index, block);
-        let [first, second] = self.role.pair_channels(self.target);
+        let [first, second] = self.places;
         let mut error = BlockError {
             texels: 0,
             stored: 0.0,
@@ -201,7 +216,8 @@ mod tests {
         let exact = [[tilt.sin() as f32, 0.0, tilt.cos() as f32, 1.0]; 6];
         let error = Level {
             role: Role::Normal,
-            target: Target::Desktop,
+            format: TextureFormat::Bc5Unorm,
+            places: [0, 1],
             width: 3,
             height: 2,
             blocks: &blocks,

@@ -28,6 +28,7 @@ use cairn_format::TextureFormat;
 use cairn_format::texture::full_mip_count;
 use serde::Serialize;
 
+pub use chain::Universal;
 pub use codec::Codec;
 pub use error::AngleError;
 pub use hdr::{LogError, RadianceError, SkyFormat};
@@ -79,12 +80,55 @@ pub struct EncodedTexture {
     pub report: TextureReport,
 }
 
+/// Why blocks of a file are not stored as they are.
+#[derive(
+    rkyv::Archive,
+    rkyv::Serialize,
+    rkyv::Deserialize,
+    Clone,
+    Copy,
+    Debug,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Serialize,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum Altered {
+    /// Colour bled under zero alpha.
+    Bled,
+    /// The constant image became one texel.
+    Constant,
+    /// The alpha test would pass more or less of it than of level 0.
+    Coverage,
+    /// Its normals are not of unit length, from which shaders rebuild z.
+    NotUnit,
+    /// It shares an image with another.
+    Packed,
+}
+
+impl Altered {
+    /// As reports have it.
+    pub const fn reason(self) -> &'static str {
+        match self {
+            Self::Bled => "colour bled under zero alpha",
+            Self::Constant => "constant",
+            Self::Coverage => "alpha coverage",
+            Self::NotUnit => "normals not of unit length",
+            Self::Packed => "packed with another image",
+        }
+    }
+}
+
 /// What was lost and how long it took. All but the times is deterministic.
 #[derive(rkyv::Archive, rkyv::Serialize, rkyv::Deserialize, Clone, Debug, PartialEq, Serialize)]
 pub struct TextureReport {
     /// The encoder that was chosen.
     #[serde(skip)]
     pub codec: Codec,
+    /// Why levels that the source has in the package's kind of blocks were encoded again, one entry a level.
+    pub altered_levels: Vec<Altered>,
     /// Decibels that level 0 lacks of the PSNR asked for, where no preset reaches it.
     pub missed_db: Option<f64>,
     /// Of level 0, on the stored values in 0..=1 (sRGB-encoded for colour): RGB, RGBA where alpha is used,
@@ -124,21 +168,23 @@ pub struct TextureReport {
 /// # Panics
 /// If the image is empty or `texels` is not `width * height` long.
 pub fn encode(source: &Source, role: Role, options: &EncodeOptions) -> EncodedTexture {
-    encode_levels(source, &[], role, options)
+    encode_levels(source, &[], None, role, options)
 }
 
-/// As [`encode`], with levels 1, 2, ... of `smaller` instead of filtered ones, as far as there are any.
+/// As [`encode`], with levels 1, 2, ... of `smaller` instead of filtered ones, as far as there are any. Levels of
+/// `universal` that show what would be encoded are stored as they are, or rewritten, as the target asks.
 ///
 /// # Panics
 /// Those of [`encode`], and if a smaller level is not of its size.
 pub fn encode_levels(
     source: &Source,
     smaller: &[Vec<[u16; 4]>],
+    universal: Option<Universal>,
     role: Role,
     options: &EncodeOptions,
 ) -> EncodedTexture {
     let start = Instant::now();
-    let mut chain = Chain::new(source, role, options);
+    let mut chain = Chain::new(source, universal, role, options);
     for level in 0..full_mip_count(source.width, source.height) {
         match (level as usize)
             .checked_sub(1)

@@ -72,6 +72,16 @@ pub fn read_environment(path: &Path) -> Result<(Vec<u8>, Source)> {
     Ok((bytes, source))
 }
 
+/// Pixels of an environment image by its header; `None` where decoding will say what is wrong.
+pub fn environment_pixels(bytes: &[u8]) -> Option<u64> {
+    if radiance::is_radiance(bytes) {
+        return radiance::pixels(bytes);
+    }
+    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).ok()?;
+    let size = meta.headers.first()?.layer_size;
+    (size.width() as u64).checked_mul(size.height() as u64)
+}
+
 /// Decodes an environment image; the format is told by content.
 ///
 /// # Errors
@@ -294,7 +304,12 @@ mod tests {
     use crate::import::testing::fault;
 
     fn load(bytes: &[u8]) -> crate::Result<EnvironmentImage> {
-        super::decode(bytes, "test".into(), describe("test".into(), bytes))
+        let image = super::decode(bytes, "test".into(), describe("test".into(), bytes));
+        if let Ok(image) = &image {
+            let pixels = u64::from(image.width) * u64::from(image.height);
+            assert_eq!(environment_pixels(bytes), Some(pixels));
+        }
+        image
     }
 
     fn codes(image: &EnvironmentImage) -> Vec<&'static str> {

@@ -29,6 +29,30 @@ pub struct DecodedImage {
     pub source_bits: u8,
     /// Whether the file carries alpha: a channel, or a transparent palette entry or colour key.
     pub has_alpha: bool,
+    /// Whether the file holds two channels alone, which are red and green here; blue is then 0.
+    pub pair: bool,
+    /// The blocks that were decoded, where a package may hold them as they are. Whoever changes texels drops them.
+    pub universal: Option<Universal>,
+}
+
+impl DecodedImage {
+    /// Gives normals of two channels the blue that a unit normal has.
+    pub fn rebuild_normals(&mut self) {
+        let rebuild = |texel: &mut [u16; 4]| {
+            let [x, y] = [texel[0], texel[1]].map(|code| f32::from(code) / 32767.5 - 1.0);
+            let z = (1.0 - x * x - y * y).max(0.0).sqrt();
+            texel[2] = ((z + 1.0) * 32767.5 + 0.5) as u16;
+        };
+        self.texels.iter_mut().for_each(rebuild);
+        self.smaller.iter_mut().flatten().for_each(rebuild);
+    }
+}
+
+/// UASTC blocks of a file: RGBA, or of a pair the first channel as colour and the second as alpha.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Universal {
+    /// Of every level that the file has, in rows, edge blocks whole.
+    pub levels: Vec<Vec<u8>>,
 }
 
 /// Reads the encoded bytes of image `index` without decoding them; its user is left open.
@@ -150,6 +174,8 @@ fn decode_raster(image: &Image, header: ImageHeader) -> Result<DecodedImage> {
         smaller: Vec::new(),
         source_bits: if wide.contains(&color) { 16 } else { 8 },
         has_alpha: header.has_alpha,
+        pair: false,
+        universal: None,
     })
 }
 

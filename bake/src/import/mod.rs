@@ -35,9 +35,10 @@ use crate::diagnostic::Result;
 use crate::scene::{Material, Mesh, Scene};
 
 pub use environment::{
-    EnvironmentImage, ReplacedTexels, decode_environment, load_environment, read_environment,
+    EnvironmentImage, ReplacedTexels, decode_environment, environment_pixels, load_environment,
+    read_environment,
 };
-pub use image::{DecodedImage, ImageHeader, decode_image, image_header};
+pub use image::{DecodedImage, ImageHeader, Universal, decode_image, image_header};
 
 pub(crate) use context::read_file;
 pub use context::{DEFAULT_LIMIT_TRIANGLES, Rules};

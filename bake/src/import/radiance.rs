@@ -24,6 +24,14 @@ pub(super) fn is_radiance(bytes: &[u8]) -> bool {
     bytes.starts_with(b"#?")
 }
 
+/// Pixels that the header promises; `None` where it is broken.
+pub(super) fn pixels(bytes: &[u8]) -> Option<u64> {
+    let mut reader = Reader { bytes, offset: 0 };
+    header(&mut reader).ok()?;
+    let layout = resolution(&mut reader).ok()?;
+    Some(u64::from(layout.lines) * u64::from(layout.length))
+}
+
 /// Decodes flat, old and new run-length-encoded scanlines, in any of the eight orientations. Values are
 /// `mantissa * 2^(e - 136)` over the product of every `EXPOSURE` and `COLORCORR`, which the file was multiplied with.
 /// Memory grows with the scanlines really present.

@@ -1,6 +1,6 @@
 //! The rows of a texture in the speed-against-error report.
 
-use crate::encode::toksvig::WideningReport;
+use crate::encode::toksvig::{LevelWidening, WideningReport};
 use crate::encode::{EncodedTexture, TextureReport};
 use crate::report::Row;
 
@@ -35,6 +35,12 @@ pub(super) fn of(name: &str, texture: &EncodedTexture, bytes: u64) -> Vec<Row> {
     }
     if let Some(lacks) = report.missed_db {
         rows.push(row("psnr dB less the target".into(), -lacks));
+    }
+    let mut altered = report.altered_levels.clone();
+    altered.sort_unstable();
+    for levels in altered.chunk_by(|one, other| one == other) {
+        let metric = format!("levels encoded again: {}", levels[0].reason());
+        rows.push(row(metric, levels.len() as f64));
     }
     let levels = report.alpha_coverage_delta.len();
     for (level, delta) in report.alpha_coverage_delta.iter().enumerate() {
@@ -87,7 +93,18 @@ fn widened(name: &str, report: &WideningReport, bytes: u64) -> Vec<Row> {
             level.error_before,
         ));
     }
-    let most = report.levels.iter().map(|level| level.max_rise);
-    rows.push(row("roughness rise, most".into(), most.fold(0.0, f64::max)));
+    let most = |of: fn(&LevelWidening) -> f64| report.levels.iter().map(of).fold(0.0, f64::max);
+    rows.push(row(
+        "roughness rise, most".into(),
+        most(|level| level.max_rise),
+    ));
+    rows.push(row(
+        "lobe error, worst mip".into(),
+        most(|level| level.error_after),
+    ));
+    rows.push(row(
+        "lobe error if not widened, worst mip".into(),
+        most(|level| level.error_before),
+    ));
     rows
 }

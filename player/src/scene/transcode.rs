@@ -130,6 +130,9 @@ fn unpacked(
 }
 
 #[cfg(test)]
+mod astc_tests;
+
+#[cfg(test)]
 mod tests {
     use super::*;
 

@@ -138,6 +138,8 @@ pub(super) fn decode(bytes: &[u8], header: ImageHeader) -> Result<DecodedImage, 
         smaller,
         source_bits: 8,
         has_alpha: header.has_alpha,
+        pair: false,
+        universal: None,
     })
 }
 

@@ -325,6 +325,96 @@ fn levels_of_ktx2_files_are_read() {
     }
 }
 
+/// The data format descriptor's word of colour model and transfer function, and the channel of its sample.
+const TRANSFER: usize = 202 + 12;
+const CHANNEL: usize = 200 + 31;
+
+#[test]
+fn universal_blocks_come_with_their_texels() {
+    let srgb = decoded(&image(UASTC.into()));
+    let lengths: Vec<usize> = srgb.universal.as_ref().map_or(Vec::new(), |universal| {
+        universal.levels.iter().map(Vec::len).collect()
+    });
+    assert_eq!(lengths, [15 * 16, 6 * 16, 2 * 16, 16, 16]);
+    let mut bytes = UASTC.to_vec();
+    assert_eq!(bytes[TRANSFER], 2);
+    bytes[TRANSFER] = 1;
+    let linear = decoded(&image(bytes.clone()));
+    assert_eq!(linear.universal, srgb.universal);
+    let apart = |one: &[u16; 4], other: &[u16; 4]| {
+        let pairs = one.iter().zip(other);
+        pairs.map(|(one, other)| one.abs_diff(*other)).max()
+    };
+    let pairs = linear.texels.iter().zip(&srgb.texels);
+    assert_eq!(
+        pairs.map(|(one, other)| apart(one, other)).max(),
+        Some(Some(257))
+    );
+    // The same file, read by the transcoder, which expands as for linear texels.
+    let transcoder = basisu::Transcoder::new(&bytes).expect("a good file");
+    let (target, flags) = (basisu::TargetFormat::Rgba32, basisu::DecodeFlags::NONE);
+    for (level, texels) in (0..).zip(std::iter::once(&linear.texels).chain(&linear.smaller)) {
+        let codes = transcoder.transcode(level, target, flags).expect("a level");
+        assert_eq!(wide(&codes), *texels);
+    }
+}
+
+#[test]
+fn two_channels_are_red_and_green() {
+    let all = decoded(&image(UASTC.into()));
+    let mut bytes = UASTC.to_vec();
+    assert_eq!(bytes[CHANNEL] & 15, 3);
+    bytes[CHANNEL] = 5;
+    let mut pair = decoded(&image(bytes));
+    assert!(pair.pair && !pair.has_alpha && !all.pair);
+    assert_eq!(pair.universal, all.universal);
+    let levels =
+        |image: &DecodedImage| [vec![image.texels.clone()], image.smaller.clone()].concat();
+    for (pair, all) in levels(&pair)
+        .iter()
+        .flatten()
+        .zip(levels(&all).iter().flatten())
+    {
+        assert_eq!(*pair, [all[0], all[3], 0, u16::MAX]);
+    }
+    pair.rebuild_normals();
+    for texel in &pair.texels {
+        let [x, y, z] = [0, 1, 2].map(|at| f32::from(texel[at]) / 32767.5 - 1.0);
+        let beyond = (x * x + y * y).max(1.0);
+        assert!((x * x + y * y + z * z - beyond).abs() < 1e-3, "{x} {y} {z}");
+    }
+    // Red and green of ETC1S lie in two slices.
+    let mut bytes = ETC1S.to_vec();
+    assert_eq!([bytes[CHANNEL], bytes[CHANNEL + 16]], [0, 15]);
+    [bytes[CHANNEL], bytes[CHANNEL + 16]] = [3, 4];
+    assert!(decoded(&image(bytes)).pair);
+}
+
+#[test]
+fn faulty_levels_of_universal_blocks_are_named() {
+    let fails = |change: &dyn Fn(&mut Vec<u8>)| {
+        let mut bytes = UASTC.to_vec();
+        change(&mut bytes);
+        fault(decode_image(&image(bytes), 1 << 16)).message
+    };
+    // Entries of the level index: offset, length, unpacked length.
+    let longer = fails(&|bytes| bytes[80 + 24 + 16] += 16);
+    assert!(
+        longer.contains("level 1 of the KTX2 has 112 bytes instead of 96"),
+        "{longer}"
+    );
+    let cut = fails(&|bytes| bytes[80 + 48 + 2] = 1);
+    assert!(cut.contains("level 2 of the KTX2 is cut off"), "{cut}");
+    let start = UASTC[80] as usize | (UASTC[81] as usize) << 8;
+    let packed = fails(&|bytes| bytes[start] ^= 0xff);
+    assert!(
+        packed.contains("level 0 of the KTX2 does not unpack"),
+        "{packed}"
+    );
+    let plain = fails(&|bytes| bytes[44] = 0);
+    assert!(plain.contains("bytes instead of"), "{plain}");
+}
+
 /// Ink of 0, 200, 255 and 30 of 255: full red, a fifth of green, no blue, darkened by the black.
 #[test]
 fn cmyk_becomes_rgb() {

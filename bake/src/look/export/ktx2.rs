@@ -15,7 +15,7 @@ pub fn ktx2(image: &ArchivedImage, texels: &[u8]) -> Vec<u8> {
     let format = image.format.native();
     let layers = image.layers.to_native();
     let levels = image.levels.len();
-    let descriptor = descriptor(format);
+    let descriptor = descriptor(format, is_pair(image));
     let pairs = pairs(image);
     let descriptor_at = HEAD + 24 * levels;
     let pairs_at = descriptor_at + descriptor.len();
@@ -83,6 +83,11 @@ pub fn ktx2(image: &ArchivedImage, texels: &[u8]) -> Vec<u8> {
     out
 }
 
+/// Whether what is read of alpha is no alpha: the second of two channels.
+fn is_pair(image: &ArchivedImage) -> bool {
+    image.swizzle[..3].contains(&ArchivedSwizzle::Alpha)
+}
+
 /// `VkFormat`; undefined where only the descriptor tells.
 fn vulkan(format: TextureFormat) -> u32 {
     match format {
@@ -112,7 +117,7 @@ const UNSIGNED_FLOAT: u8 = 0x80;
 const RGBA: [u8; 4] = [0, 1, 2, 15];
 
 /// Colour model and samples of a format.
-fn samples(format: TextureFormat) -> (u8, Vec<Sample>) {
+fn samples(format: TextureFormat, pair: bool) -> (u8, Vec<Sample>) {
     let block = |model, channel| (model, vec![Sample(0, 128, channel, 0, u32::MAX)]);
     let plain = |bits: u8, qualifiers: u8, low: u32, high: u32| {
         let sample = |(index, channel): (usize, u8)| {
@@ -146,8 +151,10 @@ fn samples(format: TextureFormat) -> (u8, Vec<Sample>) {
             vec![Sample(0, 128, UNSIGNED_FLOAT, 0, 1.0_f32.to_bits())],
         ),
         TextureFormat::Bc7Unorm | TextureFormat::Bc7Srgb => block(134, 0),
-        // The channel says which of a block's channels matter: all four.
-        TextureFormat::UastcUnorm | TextureFormat::UastcSrgb => block(166, 3),
+        // The channel says which of a block's channels matter: all four, or red and alpha.
+        TextureFormat::UastcUnorm | TextureFormat::UastcSrgb => {
+            block(166, if pair { 5 } else { 3 })
+        }
         TextureFormat::Rgba8Unorm | TextureFormat::Rgba8Srgb => plain(8, 0, 0, 255),
         TextureFormat::Rgba16Unorm => plain(16, 0, 0, 65_535),
         TextureFormat::Rgba16Float => {
@@ -163,8 +170,8 @@ fn samples(format: TextureFormat) -> (u8, Vec<Sample>) {
 }
 
 /// The data format descriptor, its total size before it.
-fn descriptor(format: TextureFormat) -> Vec<u8> {
-    let (model, samples) = samples(format);
+fn descriptor(format: TextureFormat, pair: bool) -> Vec<u8> {
+    let (model, samples) = samples(format, pair);
     let block = 24 + 16 * samples.len() as u32;
     let mut out = Vec::new();
     // Total size; vendor and type 0; version 2 and the block's size.
