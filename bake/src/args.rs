@@ -45,7 +45,7 @@ pub struct Settings {
     #[arg(long, value_name = "SKY")]
     pub env: Option<PathBuf>,
     /// Effort of the texture encoders: fast, default, best, or the least PSNR of level 0, such as 42dB, for which
-    /// each texture gets the cheapest preset that reaches it.
+    /// each texture gets the cheapest preset that reaches it; the sky then gets the default.
     #[arg(long, value_name = "EFFORT", default_value_t)]
     pub texture_quality: Effort,
     /// What the package is for: GPUs that read BC textures, or any GPU.

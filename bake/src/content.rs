@@ -251,18 +251,21 @@ fn swizzle(role: Role, places: [Option<usize>; 4], options: &EncodeOptions) -> [
 
 /// The data that a material reads with its roughness widened by `normals`, all levels.
 pub fn widen(
-    normals: &DecodedImage,
+    mut normals: DecodedImage,
     data: Option<&DecodedImage>,
     wanted: &ImageUse,
     widening: &Widening,
     options: &EncodeOptions,
 ) -> (DecodedImage, WideningReport) {
+    if normals.pair {
+        normals.rebuild_normals();
+    }
     let [wrap_u, wrap_v] = widening.normal_wrap;
     let surface = toksvig::Surface {
         normals: Source {
             wrap_u,
             wrap_v,
-            ..source(normals, wanted, AlphaUse::Ignore)
+            ..source(&normals, wanted, AlphaUse::Ignore)
         },
         normal_scale: widening.normal_scale,
         data: data.map(|data| source(data, wanted, AlphaUse::Ignore)),
@@ -328,7 +331,7 @@ mod universal_tests;
 mod tests {
     use super::*;
     use crate::encode::Target;
-    use crate::scene::Sampler;
+    use crate::scene::{Sampler, Wrap};
     use cairn_format::TextureFormat;
 
     use Swizzle::{Alpha, Blue, Green, One, Red, Zero};
@@ -457,5 +460,33 @@ mod tests {
             store_companions([&larger, &roughness], &wanted(Role::Data, 6), &desktop),
             None
         );
+    }
+
+    /// Normals of two channels widen as those of three do.
+    #[test]
+    fn normals_of_a_pair_widen_as_whole_ones_do() {
+        let whole = image(|v| {
+            let x = f32::from(v) / 65535.0 - 0.5;
+            let code = |value: f32| ((0.5 * value + 0.5) * 65535.0) as u16;
+            [code(x), code(0.0), code((1.0 - x * x).sqrt()), u16::MAX]
+        });
+        let mut pair = whole.clone();
+        pair.pair = true;
+        for texel in &mut pair.texels {
+            texel[2] = 0;
+        }
+        let widening = Widening {
+            normal: 0,
+            normal_wrap: [Wrap::Repeat; 2],
+            normal_scale: 1.0,
+            factor: 0.2,
+            textured: false,
+        };
+        let [whole, pair] = [whole, pair].map(|normals| {
+            let options = EncodeOptions::default();
+            widen(normals, None, &wanted(Role::Data, 6), &widening, &options).0
+        });
+        let last = |image: &DecodedImage| image.smaller.last().expect("levels")[0][1];
+        assert!(last(&whole) > 20_000 && last(&whole).abs_diff(last(&pair)) < 10);
     }
 }

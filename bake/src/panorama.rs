@@ -6,7 +6,7 @@ use cairn_format::scene::Environment;
 
 use crate::cache::{Inputs, Kind, Session};
 use crate::diagnostic::{Diagnostic, Result};
-use crate::encode::SkyFormat;
+use crate::encode::Codec;
 use crate::environment::EnvironmentOptions;
 use crate::import::{EnvironmentImage, decode_environment, environment_pixels, read_environment};
 use crate::memory;
@@ -22,7 +22,7 @@ pub struct Panorama {
     /// Decoded where the cache does not have what becomes of it.
     image: Option<EnvironmentImage>,
     light: EnvironmentOptions,
-    format: SkyFormat,
+    codec: Codec,
 }
 
 /// What the package stores of an environment.
@@ -43,7 +43,7 @@ impl Panorama {
     pub fn open(
         path: &Path,
         light: &EnvironmentOptions,
-        format: SkyFormat,
+        codec: Codec,
         limit_memory: u64,
         session: &Session,
     ) -> Result<Self> {
@@ -57,7 +57,7 @@ impl Panorama {
             source,
             image: None,
             light: light.clone(),
-            format,
+            codec,
         };
         if !session.holds(&panorama.inputs()) {
             panorama.image = Some(panorama.decode()?);
@@ -80,7 +80,7 @@ impl Panorama {
         Inputs::new(Kind::Environment, module_path!(), name.to_string_lossy())
             .hash("panorama", &self.source.hash)
             .settings("settings", &self.light)
-            .settings("storage", &self.format)
+            .settings("storage", &self.codec)
     }
 
     /// Appends the cubes to `texels`; indices in the result point there.
@@ -119,7 +119,7 @@ impl Panorama {
     ) -> StoredSky {
         let products = sky::bake(&mut image, &self.light, progress);
         let mut texels = Texels::default();
-        let environment = sky::store(&mut texels, &image, &products, self.format);
+        let environment = sky::store(&mut texels, &image, &products, self.codec);
         let alias = products.importance.map(|table| table.to_bytes());
         StoredSky {
             environment,
@@ -189,9 +189,9 @@ mod tests {
             ..EnvironmentOptions::default()
         };
         let bake = |file: &str, session: &Session| {
-            let format = SkyFormat::Rgba16f;
+            let codec = Codec::Half;
             let mut panorama =
-                Panorama::open(&path(file), &light, format, u64::MAX, session).expect("a sky");
+                Panorama::open(&path(file), &light, codec, u64::MAX, session).expect("a sky");
             let decoded = panorama.image.is_some();
             // Something before it, which must not matter.
             let mut texels = Texels::default();

@@ -11,7 +11,7 @@ use cairn_format::{SectionKind, Writer, features};
 
 use crate::cache::Session;
 use crate::diagnostic::{BakeError, Diagnostic, Result};
-use crate::encode::{EncodeOptions, SkyFormat, Target};
+use crate::encode::{Codec, EncodeOptions, SkyFormat, Target};
 use crate::environment::EnvironmentOptions;
 use crate::import::{Rules, import_with};
 use crate::materials::{self, Plan};
@@ -96,12 +96,13 @@ pub fn bake(options: &Options, progress: &dyn Progress) -> Result<Summary> {
 
     progress.update("import", 0.0);
     let mut scene = import_with(&options.input, &options.rules)?;
+    let radiance = Codec::radiance(options.sky_format, options.textures.effort);
     let mut environment = options
         .environment
         .as_deref()
         .map(|path| {
             let limit = options.limit_memory;
-            Panorama::open(path, &options.light, options.sky_format, limit, &session)
+            Panorama::open(path, &options.light, radiance, limit, &session)
         })
         .transpose()?;
     clock.lap("import");

@@ -6,7 +6,7 @@ use cairn_format::TextureFormat;
 use cairn_format::brdf_table::BRDF_TABLE_SIZE;
 use cairn_format::scene::{Environment, IDENTITY_SWIZZLE, ImageRole, Sun};
 
-use crate::encode::SkyFormat;
+use crate::encode::{Codec, RadianceError};
 use crate::environment::{
     Cube, EnvironmentOptions, EnvironmentProducts, Equirect, bake_environment, brdf_lut,
     level_roughness,
@@ -34,19 +34,14 @@ pub fn store(
     texels: &mut Texels,
     image: &EnvironmentImage,
     products: &EnvironmentProducts,
-    format: SkyFormat,
+    codec: Codec,
 ) -> Environment {
     let replaced = &image.replaced;
     let levels = products.prefiltered.levels.len();
     let environment = Environment {
-        sky: push_cube(texels, "sky", &products.sky, format),
-        irradiance: push_cube(
-            texels,
-            "irradiance",
-            &products.irradiance,
-            SkyFormat::Rgba16f,
-        ),
-        prefiltered: push_cube(texels, "prefiltered", &products.prefiltered, format),
+        sky: push_cube(texels, "sky", &products.sky, codec),
+        irradiance: push_cube(texels, "irradiance", &products.irradiance, Codec::Half),
+        prefiltered: push_cube(texels, "prefiltered", &products.prefiltered, codec),
         prefiltered_roughness: (0..levels)
             .map(|level| level_roughness(level, levels) as f32)
             .collect(),
@@ -106,41 +101,40 @@ pub fn store_lut(texels: &mut Texels, sheen: bool) -> u32 {
     texels.push(&info, std::iter::once(halves.as_slice()))
 }
 
-fn push_cube(texels: &mut Texels, name: &str, cube: &Cube, format: SkyFormat) -> u32 {
+fn push_cube(texels: &mut Texels, name: &str, cube: &Cube, codec: Codec) -> u32 {
     let start = Instant::now();
-    let mut sums = [0.0; 2];
-    let levels: Vec<Vec<u8>> = cube
-        .levels
-        .iter()
-        .enumerate()
-        .map(|(level, stored)| {
-            let (bytes, [error, scale]) = format.encode(stored, cube.level_size(level));
-            sums[0] += error;
-            sums[1] += scale;
-            bytes
-        })
+    let sized = || (0..).map(|level| cube.level_size(level));
+    let levels = cube.levels.iter().zip(sized());
+    let levels: Vec<Vec<u8>> = levels
+        .map(|(level, size)| codec.compress_cube(level, size))
         .collect();
     let seconds = start.elapsed().as_secs_f64();
+    let mut lost = RadianceError::default();
+    for ((level, size), bytes) in cube.levels.iter().zip(sized()).zip(&levels) {
+        lost.merge(&RadianceError::of(codec, level, size, bytes));
+    }
     let count: usize = cube.levels.iter().map(Vec::len).sum();
-    texels.report.push(Row {
+    let format = codec.radiance_format();
+    let setting = format!("{format:?} {}", codec.setting());
+    let row = |metric: &str, error| Row {
         stage: "environment".into(),
         item: format!("{name} stored"),
-        setting: format!("{format:?}").to_lowercase(),
+        setting: setting.trim_end().into(),
         seconds,
         throughput: Some(count as f64 / 1e6 / seconds.max(1e-9)),
-        throughput_unit: "Mtexel/s",
-        metric: "relative rms of the storage".into(),
-        error: if sums[1] > 0.0 {
-            (sums[0] / sums[1]).sqrt()
-        } else {
-            0.0
-        },
+        throughput_unit: "Mpix/s",
+        metric: metric.into(),
+        error,
         bytes: levels.iter().map(|level| level.len() as u64).sum(),
-    });
+    };
+    texels.report.extend([
+        row("relative rms of the storage", lost.relative_rms()),
+        row("log2 psnr dB of the storage", lost.log.psnr_db()),
+    ]);
     let info = ImageInfo {
         name,
         role: ImageRole::Environment,
-        format: format.texture_format(),
+        format,
         swizzle: IDENTITY_SWIZZLE,
         width: cube.size,
         height: cube.size,

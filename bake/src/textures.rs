@@ -289,15 +289,12 @@ fn read(
     let Some(widening) = wanted.widening else {
         return Ok((decode(wanted.image)?, None));
     };
-    let mut normals = decode(widening.normal)?;
-    if normals.pair {
-        normals.rebuild_normals();
-    }
+    let normals = decode(widening.normal)?;
     let data = match widening.textured {
         true => Some(decode(wanted.image)?),
         false => None,
     };
-    let (image, report) = content::widen(&normals, data.as_ref(), wanted, &widening, options);
+    let (image, report) = content::widen(normals, data.as_ref(), wanted, &widening, options);
     Ok((image, Some(report)))
 }
 

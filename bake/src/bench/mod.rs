@@ -3,4 +3,5 @@
 pub mod basisu;
 pub mod clock;
 pub mod plot;
+pub mod radiance;
 pub mod textures;

@@ -23,6 +23,8 @@ pub(super) struct Chain<'a> {
     /// Whether level 0 is no longer the source's own texels.
     altered: bool,
     codec: Codec,
+    /// Whether a level that was encoded has decided the encoder.
+    chosen: bool,
     universal: Option<Universal<'a>>,
     /// What level 0 is stored by, where that is no encoder.
     first: Option<Codec>,
@@ -64,6 +66,7 @@ impl<'a> Chain<'a> {
             plane,
             altered,
             codec: Codec::allowed(role, options)[0],
+            chosen: false,
             universal,
             first: None,
             altered_levels: Vec::new(),
@@ -173,12 +176,12 @@ impl<'a> Chain<'a> {
         self.levels.push(blocks);
     }
 
-    /// The blocks of a level and their error. At level 0 the cheapest encoder that reaches the PSNR asked for is
-    /// chosen, or else the best.
+    /// The blocks of a level and their error. At the first one that is encoded the cheapest encoder that reaches the
+    /// PSNR asked for is chosen, or else the best.
     fn choose(&mut self, codes: &[[u8; 4]]) -> (Vec<u8>, error::LevelError) {
         let target = self.options.effort.target_db();
         let allowed = match target {
-            Some(_) if self.levels.is_empty() => Codec::allowed(self.role, self.options),
+            Some(_) if !self.chosen => Codec::allowed(self.role, self.options),
             _ => vec![self.codec],
         };
         let mut best: Option<(Vec<u8>, error::LevelError)> = None;
@@ -196,6 +199,7 @@ impl<'a> Chain<'a> {
                 break;
             }
         }
+        self.chosen = true;
         let (blocks, error) = best.expect("a role has an encoder");
         if self.levels.is_empty() {
             let lacks = target.map(|target| target - error.psnr_db);

@@ -1,4 +1,4 @@
-//! The block encoders behind one interface: what a role may be stored as, and how a level becomes blocks.
+//! The block encoders behind one interface: what a role may be stored as, and how a level becomes blocks. Radiance too.
 
 use cairn_format::TextureFormat;
 use rayon::prelude::*;
@@ -6,7 +6,10 @@ use rayon::prelude::*;
 use super::bc::Image;
 use super::ispc;
 use super::role::unorm16;
-use super::{EncodeOptions, Kernels, Quality, Role, Target, bc5, bc7, uastc};
+use super::{
+    Effort, EncodeOptions, Kernels, Quality, Role, SkyFormat, Target, bc5, bc6h, bc7, hdr, uastc,
+};
+use crate::environment::level_to_rgba16f;
 
 /// Blocks of one task: enough to fill the lanes of the BC7 search with blocks of one kind.
 const BLOCKS_PER_CALL: usize = 256;
@@ -28,6 +31,12 @@ pub enum Codec {
     Passed,
     /// Not encoded: the universal blocks of the file, rewritten as BC7.
     Transcoded,
+    /// Radiance; the squared error of half floats' bits is made small.
+    Bc6h { quality: Quality },
+    /// Radiance in half floats.
+    Half,
+    /// Radiance in nine bits a channel under one exponent.
+    SharedExponent,
 }
 
 impl Codec {
@@ -61,6 +70,31 @@ impl Codec {
         }
     }
 
+    /// The encoder of radiance that options allow; a target in decibels is one of 8-bit codes, and gives the default.
+    pub fn radiance(format: SkyFormat, effort: Effort) -> Self {
+        match (format, effort) {
+            (SkyFormat::Bc6h, Effort::Preset(quality)) => Self::Bc6h { quality },
+            (SkyFormat::Bc6h, Effort::AtLeast { .. }) => Self::Bc6h {
+                quality: Quality::Default,
+            },
+            (SkyFormat::Rgba16f, _) => Self::Half,
+            (SkyFormat::Rgb9e5, _) => Self::SharedExponent,
+        }
+    }
+
+    /// The format of radiance.
+    ///
+    /// # Panics
+    /// If the encoder is one of images.
+    pub fn radiance_format(self) -> TextureFormat {
+        match self {
+            Self::Bc6h { .. } => TextureFormat::Bc6hUfloat,
+            Self::Half => TextureFormat::Rgba16Float,
+            Self::SharedExponent => TextureFormat::Rgb9e5Ufloat,
+            _ => unreachable!("an encoder of images"),
+        }
+    }
+
     /// As reports have it: the preset, and whether the bytes depend on the machine. Empty where there is no choice.
     pub fn setting(self) -> String {
         match self {
@@ -69,18 +103,22 @@ impl Codec {
                 kernels: Kernels::Reproducible,
             } => quality.name().into(),
             Self::Bc7 { quality, .. } => format!("{} native", quality.name()),
-            Self::Uastc { quality } => quality.name().into(),
+            Self::Uastc { quality } | Self::Bc6h { quality } => quality.name().into(),
             Self::Passed => "passed through".into(),
             Self::Transcoded => "transcoded".into(),
-            Self::Bc5 | Self::Bc4 | Self::Plain => String::new(),
+            Self::Bc5 | Self::Bc4 | Self::Plain | Self::Half | Self::SharedExponent => {
+                String::new()
+            }
         }
     }
 
     const fn block_bytes(self) -> usize {
         match self {
-            Self::Bc7 { .. } | Self::Bc5 | Self::Uastc { .. } => 16,
+            Self::Bc7 { .. } | Self::Bc5 | Self::Uastc { .. } | Self::Bc6h { .. } => 16,
             Self::Bc4 => 8,
-            Self::Plain | Self::Passed | Self::Transcoded => unreachable!(),
+            Self::Plain | Self::Passed | Self::Transcoded | Self::Half | Self::SharedExponent => {
+                unreachable!()
+            }
         }
     }
 
@@ -136,7 +174,44 @@ impl Codec {
                     *out = uastc::compress_block(&texels, true, search);
                 }
             }
-            Self::Plain | Self::Passed | Self::Transcoded => unreachable!("no block encoder"),
+            Self::Plain
+            | Self::Passed
+            | Self::Transcoded
+            | Self::Bc6h { .. }
+            | Self::Half
+            | Self::SharedExponent => unreachable!("no block encoder of images"),
+        }
+    }
+
+    /// Stores a cube level of faces `size` texels wide. The bytes do not depend on the number of threads.
+    ///
+    /// # Panics
+    /// If the encoder is one of images.
+    pub fn compress_cube(self, texels: &[[f32; 3]], size: u32) -> Vec<u8> {
+        match self {
+            Self::Bc6h { quality } => {
+                let grid = hdr::BlockGrid {
+                    side: size as usize,
+                };
+                let mut out = vec![0_u8; grid.blocks() * self.block_bytes()];
+                out.par_chunks_mut(BLOCKS_PER_CALL * self.block_bytes())
+                    .enumerate()
+                    .for_each(|(call, out)| {
+                        let out = out.as_chunks_mut::<16>().0;
+                        let mut blocks = [[[0_u16; 3]; 16]; BLOCKS_PER_CALL];
+                        for (at, block) in blocks[..out.len()].iter_mut().enumerate() {
+                            *block = grid.gather(texels, call * BLOCKS_PER_CALL + at);
+                        }
+                        bc6h::compress(&blocks[..out.len()], quality, out);
+                    });
+                out
+            }
+            Self::Half => level_to_rgba16f(texels),
+            Self::SharedExponent => {
+                let words = texels.iter().map(|texel| hdr::pack_rgb9e5(*texel));
+                words.flat_map(u32::to_le_bytes).collect()
+            }
+            _ => unreachable!("an encoder of images"),
         }
     }
 }
@@ -202,6 +277,22 @@ mod tests {
         let all = Codec::allowed(Role::Data, &options);
         let settings: Vec<String> = all.into_iter().map(Codec::setting).collect();
         assert_eq!(settings, ["fast native", "default native", "best native"]);
+    }
+
+    #[test]
+    fn radiance_has_the_preset_of_images() {
+        for quality in Quality::ALL {
+            let bc6h = Codec::radiance(SkyFormat::Bc6h, quality.into());
+            assert_eq!(bc6h, Codec::Bc6h { quality });
+            assert_eq!(bc6h.setting(), quality.name());
+        }
+        let target = Effort::AtLeast { centibel: 4200 };
+        assert_eq!(
+            Codec::radiance(SkyFormat::Bc6h, target),
+            Codec::radiance(SkyFormat::Bc6h, Effort::default())
+        );
+        let exact = Codec::radiance(SkyFormat::Rgba16f, target);
+        assert_eq!((exact, exact.setting().as_str()), (Codec::Half, ""));
     }
 
     #[test]

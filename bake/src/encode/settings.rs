@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::MipFilter;
 
-/// Effort of the BC7 encoders. BC5 and BC4 have one setting, a search over f32 texels.
+/// Effort of the BC7, BC6H and UASTC encoders. BC5 and BC4 have one setting, a search over f32 texels.
 #[derive(
     rkyv::Archive,
     rkyv::Serialize,

@@ -3,8 +3,7 @@
 //! Only additions, products, divisions, square roots, comparisons and roundings, in the order in which they are
 //! written: every lane computes what one block alone would, on every machine.
 //!
-//! No closures over these, `map` and `from_fn` of arrays among them: what a closure does is compiled for the least
-//! processor, and not inlined.
+//! No closure belongs near these: it is compiled for the least processor, and each operation becomes a call.
 
 use std::ops::{Add, AddAssign, Mul, Sub};
 
@@ -192,6 +191,17 @@ impl<S: Simd> Mask<S> {
             simd: self.simd,
             value: self.simd.select_f32s(self.value, yes.value, no.value),
         }
+    }
+
+    /// [`Self::select`] of three values.
+    #[inline(always)]
+    pub fn select_all(self, yes: [Wide<S>; 3], no: [Wide<S>; 3]) -> [Wide<S>; 3] {
+        let [a, b, c] = yes;
+        [
+            self.select(a, no[0]),
+            self.select(b, no[1]),
+            self.select(c, no[2]),
+        ]
     }
 }
 

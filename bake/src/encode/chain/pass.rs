@@ -68,8 +68,8 @@ impl Chain<'_> {
         self.universal.is_some_and(|given| given.pair)
     }
 
-    /// Level 0 is the file's: what has to be encoded below it is so at the least loss, where a PSNR is asked for, and
-    /// in the same channels.
+    /// Level 0 is the file's: what has to be encoded below it lies in the same channels. Where a PSNR is asked for, masks
+    /// are encoded at the least loss, other levels as the first of them decides.
     fn take_first(&mut self, codec: Codec) {
         self.first = Some(codec);
         let allowed = Codec::allowed(self.role, self.options);
