@@ -61,6 +61,9 @@ pub struct Report {
 /// An image that cannot be read.
 pub fn run(options: &Options, progress: &dyn Fn(f32)) -> Result<Report> {
     let mut report = Report::default();
+    if options.images.is_empty() {
+        return Ok(report);
+    }
     let encoders = peers::all_half();
     for (at, path) in options.images.iter().enumerate() {
         for (name, source) in pictures(path, options)? {

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{basisu, clock};
 use crate::diagnostic::{BakeError, Result};
-use crate::encode::peers::{self, Encoder};
+use crate::encode::peers::{self, Blocks, Encoder};
 use crate::import::{DecodedImage, decode_image};
 use crate::scene::{Image, Origin};
 
@@ -182,11 +182,12 @@ fn read(path: &Path, options: &Options) -> Result<Picture> {
 }
 
 fn measure(encoder: &Encoder, picture: &Picture, least: f64) -> (f64, [f64; 2]) {
-    let blocks = blocks(picture);
-    let mut out = vec![[0_u8; 16]; blocks.len()];
-    let seconds = clock::of_one(least, || encoder.compress(&blocks, picture.alpha, &mut out));
+    let source = Blocks::new(blocks(picture));
+    let mut out = vec![[0_u8; 16]; source.blocks.len()];
+    let seconds = clock::of_one(least, || encoder.compress(&source, picture.alpha, &mut out));
     let decoded: Vec<[[u8; 4]; 16]> = out.iter().map(peers::decode).collect();
-    (seconds, block_errors(&blocks, &decoded, picture.alpha))
+    let errors = block_errors(&source.blocks, &decoded, picture.alpha);
+    (seconds, errors)
 }
 
 fn blocks(picture: &Picture) -> Vec<[[u8; 4]; 16]> {
