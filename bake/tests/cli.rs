@@ -420,3 +420,31 @@ fn memory_may_be_limited() {
         assert_eq!(message.contains("the environment takes"), code == 2);
     }
 }
+
+#[test]
+fn encoders_are_compared_on_what_is_given() {
+    let image = assets().join("materials/textures/checker.png");
+    let sky = assets().join("hall/sky.hdr");
+    let run = |inputs: &[&Path]| {
+        let inputs: Vec<&str> = inputs.iter().map(|input| path(input)).collect();
+        let flags = ["--crop", "16", "--face", "0", "--seconds", "0.001"];
+        let done = bake(&[&["bench", "textures"], &inputs[..], &flags[..]].concat());
+        assert!(done.status.success(), "{}", text(&done.stderr));
+        text(&done.stdout)
+    };
+    for (inputs, images, panoramas) in [
+        (&[&*image][..], true, false),
+        (&[&*sky][..], false, true),
+        (&[&*image, &*sky][..], true, true),
+    ] {
+        let table = run(inputs);
+        let has = |heading: &str| table.lines().any(|line| line.starts_with(heading));
+        assert_eq!(has("| encoder"), images, "{table}");
+        assert_eq!(has("| BC6H encoder"), panoramas, "{table}");
+        assert!(!table.contains("NaN"), "{table}");
+        for encoder in ["Cairn", "Intel"] {
+            assert!(table.contains(encoder), "{table}");
+        }
+        assert_eq!(table.contains("bc7e"), images, "{table}");
+    }
+}
