@@ -26,7 +26,7 @@ use lobe::Lobe;
 
 /// Alpha of a mirror, for heights of lobes.
 const LEAST_ALPHA: f64 = 1e-3;
-/// Texels of a level whose lobes are judged.
+/// Texels of a level whose lobes are judged, which `LevelWidening` promises.
 const JUDGED: usize = 32;
 
 /// A material's roughness and the bumps that it lies on.
@@ -80,9 +80,10 @@ pub struct LevelWidening {
     /// Of roughness, 0 to 1.
     pub mean_rise: f64,
     pub max_rise: f64,
-    /// Share of the reflected light that goes elsewhere than where the surface under a texel sends it, mean of
-    /// [`JUDGED`] texels: with the roughness as filtered, and widened. See [`Lobe::difference`].
+    /// Share of the light that goes elsewhere than where the surface under a texel reflects it, over half vectors, under
+    /// a light of three degrees; mean of 32 texels: with the roughness as filtered.
     pub error_before: f64,
+    /// The same with the roughness widened.
     pub error_after: f64,
 }
 
