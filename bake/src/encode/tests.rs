@@ -22,7 +22,7 @@ fn image(width: u32, height: u32, texel: impl FnMut(u32, u32) -> [u8; 4]) -> Vec
         .collect()
 }
 
-fn source(width: u32, height: u32, texels: &[[u16; 4]]) -> Source<'_> {
+pub(super) fn source(width: u32, height: u32, texels: &[[u16; 4]]) -> Source<'_> {
     Source {
         width,
         height,

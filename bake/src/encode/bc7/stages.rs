@@ -18,6 +18,21 @@ pub(super) struct Batch<'a> {
     pub jobs: &'a mut [Job],
 }
 
+impl Batch<'_> {
+    #[inline(always)]
+    fn walk<S: Simd>(&mut self, simd: S, visitor: &mut impl Visit<S>) {
+        walk(simd, self.blocks, self.alpha, self.jobs, visitor);
+    }
+
+    /// Gives the jobs the errors of their lanes.
+    #[inline(always)]
+    fn put_errors<S: Simd>(&mut self, error: Wide<S>) {
+        for (job, error) in self.jobs.iter_mut().zip(error.lanes()) {
+            job.error = *error;
+        }
+    }
+}
+
 /// Fits endpoints. Jobs whose error is not below their limit may be left unfinished, with an error no less.
 pub(super) struct FitJobs<'a> {
     pub batch: Batch<'a>,
@@ -55,21 +70,14 @@ impl<S: Simd> Visit<S> for Fitting<S> {
 impl WithSimd for FitJobs<'_> {
     type Output = ();
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn with_simd<S: Simd>(mut self, simd: S) {
         let mut fitting = Fitting {
             effort: self.effort,
             limit: Wide::load(simd, &self.limits),
             error: Wide::zero(simd),
         };
-        let Batch {
-            blocks,
-            alpha,
-            jobs,
-        } = self.batch;
-        walk(simd, blocks, alpha, jobs, &mut fitting);
-        for (job, error) in jobs.iter_mut().zip(fitting.error.lanes()) {
-            job.error = *error;
-        }
+        self.batch.walk(simd, &mut fitting);
+        self.batch.put_errors(fitting.error);
     }
 }
 
@@ -114,20 +122,13 @@ impl<S: Simd> Visit<S> for Polishing<'_, S> {
 impl WithSimd for PolishJobs<'_> {
     type Output = ();
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn with_simd<S: Simd>(mut self, simd: S) {
         let mut polishing = Polishing {
             preset: self.preset,
             error: Wide::zero(simd),
         };
-        let Batch {
-            blocks,
-            alpha,
-            jobs,
-        } = self.batch;
-        walk(simd, blocks, alpha, jobs, &mut polishing);
-        for (job, error) in jobs.iter_mut().zip(polishing.error.lanes()) {
-            job.error = *error;
-        }
+        self.batch.walk(simd, &mut polishing);
+        self.batch.put_errors(polishing.error);
     }
 }
 
@@ -170,16 +171,12 @@ impl<S: Simd> Visit<S> for Packing {
 impl WithSimd for PackJobs<'_> {
     type Output = ();
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Batch {
-            blocks,
-            alpha,
-            jobs,
-        } = self.batch;
+    fn with_simd<S: Simd>(mut self, simd: S) {
         let mut packing = Packing {
             indices: [[0; MOST_LANES]; 2],
         };
-        walk(simd, blocks, alpha, jobs, &mut packing);
+        self.batch.walk(simd, &mut packing);
+        let Batch { alpha, jobs, .. } = self.batch;
         let [indices, scalar_indices] = &packing.indices;
         for (lane, (job, out)) in jobs.iter().zip(self.out).enumerate() {
             let mode = &MODES[usize::from(job.way.mode)];

@@ -1,20 +1,9 @@
 //! Roughness that stands for bumps, on surfaces whose answer is known.
 
 use super::*;
-use crate::scene::Wrap;
+use crate::encode::tests::source;
 
 const TOP: u16 = u16::MAX;
-
-fn source(width: u32, height: u32, texels: &[[u16; 4]]) -> Source<'_> {
-    Source {
-        width,
-        height,
-        texels,
-        wrap_u: Wrap::Repeat,
-        wrap_v: Wrap::Repeat,
-        alpha: AlphaUse::Ignore,
-    }
-}
 
 fn surface(normals: Source<'_>, factor: f32) -> Surface<'_> {
     Surface {
