@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use half::f16;
 use serde::Serialize;
 
-use super::clock;
+use super::{clock, middle};
 use crate::diagnostic::Result;
 use crate::encode::peers::{self, HalfBlocks, HalfEncoder};
-use crate::encode::{LogError, half_bits};
+use crate::encode::{RadianceError, half_bits};
 use crate::environment::{EnvironmentOptions, Equirect, SunMode, bake_environment};
 use crate::import::load_environment;
 
@@ -32,7 +32,7 @@ pub struct Figures {
     pub preset: &'static str,
     /// Of one thread, by CPU seconds; over several images, all texels over all seconds.
     pub megapixels_per_second: f64,
-    /// Of base-2 logarithms: [`LogError::psnr_db`]. Over several images their mean.
+    /// Of base-2 logarithms: [`LogError::psnr_db`](crate::encode::LogError::psnr_db). Over several images their mean.
     pub log2_psnr_db: f64,
     /// Mean of |error| / radiance over channels above the smallest normal half.
     pub mean_relative: f64,
@@ -102,12 +102,7 @@ fn pictures(path: &Path, options: &Options) -> Result<Vec<(String, HalfBlocks)>>
     let image = load_environment(path)?;
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let (width, height) = (image.width as usize, image.height as usize);
-    let side = |extent: usize| (extent.min(options.crop as usize) / 4 * 4).max(4);
-    let (across, down) = (side(width), side(height));
-    let (left, top) = (
-        width.saturating_sub(across) / 2,
-        height.saturating_sub(down) / 2,
-    );
+    let [(left, across), (top, down)] = [width, height].map(|extent| middle(extent, options.crop));
     let texel = |x: usize, y: usize| {
         image.texels[(top + y).min(height - 1) * width + (left + x).min(width - 1)]
     };
@@ -147,20 +142,19 @@ fn cut(across: usize, down: usize, texel: impl Fn(usize, usize) -> [f32; 3]) -> 
 fn measure(encoder: &HalfEncoder, source: &HalfBlocks, least: f64) -> Figures {
     let mut out = vec![[0_u8; 16]; source.blocks.len()];
     let seconds = clock::of_one(least, || encoder.compress(source, &mut out));
-    let mut error = LogError::default();
+    let mut error = RadianceError::default();
     let (mut relative, mut count) = (0.0, 0_u64);
-    let mut sums = [0.0; 2];
+    let value = |texel: [u16; 3]| texel.map(|bits| f16::from_bits(bits).to_f32());
     for (exact, block) in source.blocks.iter().zip(&out) {
-        let decoded = peers::decode_half(block);
-        let pairs = exact.as_flattened().iter().zip(decoded.as_flattened());
-        for (&exact, &stored) in pairs {
-            let [exact, stored] = [exact, stored].map(|bits| f16::from_bits(bits).to_f64());
-            error.add(exact, stored);
-            sums[0] += (exact - stored) * (exact - stored);
-            sums[1] += exact * exact;
-            if exact >= f16::MIN_POSITIVE.to_f64() {
-                relative += (exact - stored).abs() / exact;
-                count += 1;
+        for (&exact, stored) in exact.iter().zip(peers::decode_half(block)) {
+            let [exact, stored] = [exact, stored].map(value);
+            error.texel(exact, stored);
+            for (exact, stored) in exact.into_iter().zip(stored) {
+                if exact >= f16::MIN_POSITIVE.to_f32() {
+                    let [exact, stored] = [exact, stored].map(f64::from);
+                    relative += (exact - stored).abs() / exact;
+                    count += 1;
+                }
             }
         }
     }
@@ -168,8 +162,8 @@ fn measure(encoder: &HalfEncoder, source: &HalfBlocks, least: f64) -> Figures {
         encoder: encoder.name,
         preset: encoder.preset,
         megapixels_per_second: 16e-6 * out.len() as f64 / seconds.max(1e-9),
-        log2_psnr_db: error.psnr_db(),
+        log2_psnr_db: error.log.psnr_db(),
         mean_relative: relative / count.max(1) as f64,
-        relative_rms: (sums[0] / sums[1].max(f64::MIN_POSITIVE)).sqrt(),
+        relative_rms: error.relative_rms(),
     }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::{basisu, clock};
+use super::{basisu, clock, middle};
 use crate::diagnostic::{BakeError, Result};
 use crate::encode::peers::{self, Blocks, Encoder};
 use crate::import::{DecodedImage, decode_image};
@@ -153,13 +153,7 @@ pub fn load(path: &Path, limit_pixels: u64) -> Result<DecodedImage> {
 fn read(path: &Path, options: &Options) -> Result<Picture> {
     let image = load(path, options.limit_pixels)?;
     let (width, height) = (image.width as usize, image.height as usize);
-    // Whole blocks about the centre; images below a block repeat their edge.
-    let side = |extent: usize| (extent.min(options.crop as usize) / 4 * 4).max(4);
-    let (across, down) = (side(width), side(height));
-    let (left, top) = (
-        width.saturating_sub(across) / 2,
-        height.saturating_sub(down) / 2,
-    );
+    let [(left, across), (top, down)] = [width, height].map(|extent| middle(extent, options.crop));
     let texels: Vec<[u8; 4]> = (0..across * down)
         .map(|index| {
             let x = (left + index % across).min(width - 1);

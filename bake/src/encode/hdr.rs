@@ -83,7 +83,8 @@ impl RadianceError {
         parts.collect()
     }
 
-    fn texel(&mut self, exact: [f32; 3], stored: [f32; 3]) {
+    /// Adds a texel.
+    pub fn texel(&mut self, exact: [f32; 3], stored: [f32; 3]) {
         for (exact, stored) in exact.into_iter().zip(stored) {
             let (exact, stored) = (f64::from(exact), f64::from(stored));
             self.squares[0] += (exact - stored) * (exact - stored);
